@@ -1,0 +1,59 @@
+# Each target sets up all that it needs; typing one twice costs nothing the second time.
+# `make impact PYTHON=python3.12` picks the interpreter of the environment.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+
+# Runs apt-get as root, or through sudo where that asks no password; fails quietly otherwise.
+APT := [ "$$(id -u)" = 0 ] && as_root= || as_root="sudo -n"; \
+	apt() { $$as_root env DEBIAN_FRONTEND=noninteractive apt-get "$$@" >/dev/null 2>&1; }; \
+	apt_install() { apt update; apt install -y --no-install-recommends "$$@"; }
+
+.PHONY: impact test bench vulkan clean
+
+impact: $(VENV)/.run vulkan
+	$(BIN)/ldem impact configs/impact_quick.toml --force
+	@echo "Pictures:"; ls outputs/impact_quick/*.png
+
+test: $(VENV)/.dev vulkan
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/python -m pytest
+
+bench: $(VENV)/.run
+	$(BIN)/python benchmarks/bench.py
+
+# The pictures of a run are drawn on a Vulkan device; Mesa's software device will do.
+vulkan:
+	@ldconfig=$$(command -v ldconfig || echo /sbin/ldconfig); \
+	if ! $$ldconfig -p | grep -q libvulkan.so.1 || \
+		! find /usr/share/vulkan/icd.d /etc/vulkan/icd.d -name '*.json' 2>/dev/null | grep -q .; then \
+		$(APT); apt_install libvulkan1 mesa-vulkan-drivers \
+			|| echo "No Vulkan device: install libvulkan1 and mesa-vulkan-drivers for snapshots."; \
+	fi
+
+$(VENV)/.run: pyproject.toml $(VENV)/.made
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
+	@touch $@
+
+$(VENV)/.dev: pyproject.toml $(VENV)/.made
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
+	@touch $@ $(VENV)/.run
+
+$(VENV)/.made:
+	@for python in $(PYTHON) python3.13 python3.12 python3.11 python3.10 none; do \
+		"$$python" -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' \
+			2>/dev/null && break; \
+	done; \
+	if [ "$$python" = none ]; then echo "No Python 3.10 to 3.13 found: install python3." >&2; exit 1; fi; \
+	if ! "$$python" -c 'import ensurepip, venv' 2>/dev/null; then \
+		$(APT); apt_install python3-venv "$$(basename "$$python")-venv" || apt_install python3-venv \
+			|| { echo "No venv module for $$python: install python3-venv." >&2; exit 1; }; \
+	fi; \
+	"$$python" -m venv $(VENV)
+	@touch $@
+
+clean:
+	rm -rf $(VENV) build dist ./*.egg-info

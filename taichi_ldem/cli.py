@@ -1,0 +1,142 @@
+"""The command line: `ldem impact`, `info`, `render`, `plot`. No physics.
+
+Heavy modules are imported inside the commands, Taichi only once the scene and the run folder are
+known to be good: help and refusals are quick.
+"""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from taichi_ldem.scene import Scene
+
+# Typer's own copy of Click's class, or Click's: which of the two depends on Typer's version
+UsageError: Any = typer.BadParameter.__mro__[1]
+
+app = typer.Typer(
+    help="Lattice discrete elements for brittle plates under impact.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+SceneFile = Annotated[Path, typer.Argument(metavar="SCENE.toml", show_default=False)]
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="run folder", show_default=False)]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="SECTION.KEY=VALUE", help="override a key of the scene"),
+]
+
+
+@app.command()
+def impact(
+    scene_file: SceneFile,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="run folder (default: outputs/SCENE)")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="overwrite the run in DIR")] = False,
+    arch: Annotated[str | None, typer.Option(help="cpu, cuda, vulkan, metal or gpu")] = None,
+    precision: Annotated[str | None, typer.Option(help="f64 or f32")] = None,
+    threads: Annotated[int | None, typer.Option(help="CPU threads (default: all cores)")] = None,
+    settings: Settings = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="print nothing on success")] = False,
+) -> None:
+    """Run a falling-weight test; options override --set, which overrides the file."""
+    options = {"arch": arch, "precision": precision, "threads": threads}
+    given = [f"solver.{key}={value}" for key, value in options.items() if value is not None]
+    scene = _load(scene_file, [*(settings or ()), *given])
+    folder = Path("outputs", scene_file.stem) if out is None else out
+
+    from taichi_ldem.store import RunFolder
+
+    RunFolder.check(folder, force=force)
+
+    from taichi_ldem.scenarios.impact import run
+
+    raise typer.Exit(run(scene, folder, force=force, quiet=quiet))
+
+
+@app.command()
+def info(scene_file: SceneFile, settings: Settings = None) -> None:
+    """Print what a scene implies, without running it."""
+    scene = _load(scene_file, settings or ())
+
+    from rich.console import Console
+
+    from taichi_ldem.describe import describe
+
+    Console().print(describe(scene))
+
+
+@app.command()
+def render(
+    folder: Folder,
+    time: Annotated[
+        list[float] | None,
+        typer.Option(metavar="SECONDS", help="of a snapshot (default: image times and the end)"),
+    ] = None,
+) -> None:
+    """Draw the snapshots of a run again."""
+    from taichi_ldem.render import render_run
+    from taichi_ldem.store import RunFolder
+
+    _list(render_run(RunFolder.open(folder), time or None))
+
+
+@app.command()
+def plot(folder: Folder) -> None:
+    """Draw the figures of a run again."""
+    from taichi_ldem.plots import plot_run
+    from taichi_ldem.store import RunFolder
+
+    _list(plot_run(RunFolder.open(folder)))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code.
+
+    0: done; 1: a file could not be read or written; 2: bad input; 3: stopped by the run-time
+    guard; 130: interrupted. Errors are one line on stderr.
+    """
+    arguments = sys.argv[1:] if arguments is None else arguments
+    try:
+        # outside of its standalone mode Typer returns the code of typer.Exit
+        return int(app(list(arguments) or ["--help"], "ldem", standalone_mode=False) or 0)
+    except UsageError as error:
+        return _complain(" ".join(error.format_message().split()), 2)
+    except typer.Abort:
+        return 130
+    except OSError as error:
+        return _complain(str(error), 1)
+    except ValueError as error:
+        from taichi_ldem.scene import SceneError
+
+        if not isinstance(error, SceneError):
+            raise
+        return _complain(str(error), 2)
+
+
+def _load(path: Path, settings: Sequence[str]) -> "Scene":
+    from taichi_ldem.material import check
+    from taichi_ldem.scene import load_scene
+
+    scene = load_scene(path, settings)
+    check(scene)
+    return scene
+
+
+def _list(files: Sequence[Path]) -> None:
+    for file in files:
+        typer.echo(file)
+
+
+def _complain(message: str, code: int) -> int:
+    print(f"error: {message}", file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

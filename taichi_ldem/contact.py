@@ -1,0 +1,388 @@
+"""Rigid bodies against the lattice: the falling striker and the clamping rings.
+
+The contact is kinematic (hard, no penalty stiffness): a node that its free flight would carry into
+a rigid body is put on the body's surface at the end of the same step, and the impulse that this
+takes acts back on the body. A node therefore never penetrates by more than rounding, no stiffness
+has to be chosen, and the critical time step is not lowered (a constraint cannot raise the highest
+frequency). Momentum is conserved exactly; a node that strikes a body sticks to it inelastically,
+and the energy lost that way is accumulated, so the ledger closes.
+
+Only nodes near a body are visited. They are listed anew every few steps, in ascending order, from
+positions and speeds; impulses and works are summed over chunks of the list, then over the chunks,
+one after the other in f64. Nothing depends on the number of threads.
+
+Discrete energy: with kinetic energy 1/2 v(n-1/2) M v(n+1/2), a force F at t_n does the work
+dt F (v(n-1/2) + v(n+1/2)) / 2, one half before t_n and one half after. Both halves are kept apart,
+so that the ledger is exact at the sampled time itself.
+"""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+import taichi as ti
+
+from taichi_ldem.dynamics import Dynamics
+from taichi_ldem.scene import Clamp, Plate, SceneError
+from taichi_ldem.scene import Striker as StrikerScene
+
+CHUNK = 32
+
+# what both bodies accumulate
+IMPULSE, PLATE_BEFORE, LOSS_BEFORE, LOSS_AFTER = range(4)
+# the striker's own state; displacement and velocity are positive towards the plate
+DISPLACEMENT, VELOCITY, VELOCITY_BEFORE, TRIAL = range(4)
+
+vec3d = ti.types.vector(3, ti.f64)
+
+
+class TooManyNodes(RuntimeError):
+    """More nodes near a rigid body than its list holds."""
+
+
+@ti.data_oriented
+class RigidBody:
+    """A rigid body's list of nearby nodes and its sums.
+
+    Attributes:
+        nodes: node numbers, ascending, flat over (2, *S).
+        before: velocity of each listed node at the end of the last step, m/s.
+        chunk_sums: (chunks,) 4-vectors in f64.
+        sums: (4,) f64 since the start: impulse on the plate along z (N s); half-step work on the
+            plate in the latest step (J); energy lost before and after the latest sample time (J).
+    """
+
+    moving = True
+    """Whether the list has to be made anew while the plate moves."""
+
+    def __init__(self, dynamics: Dynamics, capacity: int):
+        self.dynamics = dynamics
+        self.capacity = capacity
+        self.nodes = ti.field(ti.i32, shape=capacity)
+        self.before = ti.Vector.field(3, float, shape=capacity)
+        self.count = ti.field(ti.i32, shape=())
+        self.chunk_sums = ti.Vector.field(4, ti.f64, shape=capacity // CHUNK + 1)
+        self.sums = ti.field(ti.f64, shape=4)
+
+    def set_nodes(self, nodes: npt.NDArray[np.int32], count: int) -> None:
+        """Replace the list by the first ``count`` of ``nodes`` and note their velocities.
+
+        Raises:
+            TooManyNodes: more than the list was built for.
+        """
+        if count > self.capacity:
+            raise TooManyNodes(
+                f"{count} nodes came near a rigid body whose list holds {self.capacity}: debris is "
+                "piling up on it; end the run earlier (solver.duration)"
+            )
+        padded = np.zeros(self.capacity, dtype=np.int32)
+        padded[:count] = np.sort(nodes[:count])
+        self.nodes.from_numpy(padded)
+        self.count[None] = count
+        self.note_velocities()
+
+    def listed(self) -> npt.NDArray[np.int32]:
+        """Numbers of the listed nodes, ascending."""
+        return self.nodes.to_numpy()[: self.count[None]]
+
+    @ti.func
+    def near(self, position, margin):
+        """Whether a point (m, f64) is within a margin of the body; each body's own."""
+        return False
+
+    @ti.func
+    def place(self, number):
+        """Sublattice and site of a listed node."""
+        node = self.nodes[number]
+        nz, ny, nx = ti.static(self.dynamics.sites)
+        return node // (nz * ny * nx), node // (ny * nx) % nz, node // nx % ny, node % nx
+
+    @ti.func
+    def chunks(self):
+        """Number of chunks of the list."""
+        return (self.count[None] + CHUNK - 1) // CHUNK
+
+    @ti.func
+    def chunk_end(self, chunk):
+        """Number after the last node of a chunk."""
+        return ti.min((chunk + 1) * CHUNK, self.count[None])
+
+    @ti.func
+    def rest(self, s, k, j, i, spacing):
+        """Position of a node at rest, m, in f64; a top-face node's z is exactly nz times L."""
+        nx, ny, _ = ti.static(self.dynamics.lattice.modules)
+        half = ti.cast(0.5 * s, ti.f64)
+        edge = ti.cast(spacing, ti.f64)
+        return vec3d(
+            (i - 1 + half - 0.5 * nx) * edge,
+            (j - 1 + half - 0.5 * ny) * edge,
+            (k - 1 + half) * edge,
+        )
+
+    @ti.func
+    def node_mass(self, s, k, j, i):
+        """Mass of a node, kg; 0 where there is none."""
+        mass = self.dynamics.mass[int(self.dynamics.code[k, j, i])]
+        chosen = mass[0]
+        if s == 1:
+            chosen = mass[1]
+        return chosen
+
+    @ti.func
+    def put(self, number, s, k, j, i, now, time_step, displacement):
+        """Move a node to a displacement (f64), return impulse and its works (z, before, after)."""
+        old = ti.cast(self.dynamics.displacement[now, s, k, j, i], ti.f64)
+        free = ti.cast(self.dynamics.velocity[s, k, j, i], ti.f64)
+        velocity = (displacement - old) / ti.cast(time_step, ti.f64)
+        impulse = ti.cast(self.node_mass(s, k, j, i), ti.f64) * (velocity - free)
+        self.dynamics.displacement[1 - now, s, k, j, i] = ti.cast(displacement, float)
+        self.dynamics.velocity[s, k, j, i] = ti.cast(velocity, float)
+        before = ti.cast(self.before[number], ti.f64)
+        return vec3d(impulse.z, 0.5 * impulse.dot(before), 0.5 * impulse.dot(velocity))
+
+    @ti.func
+    def total(self):
+        """Sum of the chunks' sums, in their order."""
+        total = ti.Vector.zero(ti.f64, 4)
+        for chunk in range(self.chunks()):
+            total += self.chunk_sums[chunk]
+        return total
+
+    def list_nodes(self, now: int, reach: float, approach: float) -> None:
+        """List the nodes that may touch the body within ``reach`` (s) from now.
+
+        A node's margin is a quarter of a module plus twice the way that it and the body, at the
+        speed ``approach`` (m/s), go in that time: twice, for a node may be accelerated meanwhile.
+        """
+        found = np.zeros(self.capacity, dtype=np.int32)
+        count = np.zeros(1, dtype=np.int32)
+        self._find(now, self.dynamics.lattice.spacing, reach, approach, found, count)
+        self.set_nodes(found, int(count[0]))
+
+    @ti.kernel
+    def _find(
+        self,
+        now: int,
+        spacing: float,
+        reach: float,
+        approach: float,
+        found: ti.types.ndarray(),
+        count: ti.types.ndarray(),
+    ):
+        nz, ny, nx = ti.static(self.dynamics.sites)
+        for s, k, j, i in ti.ndrange(2, nz, ny, nx):
+            if self.node_mass(s, k, j, i) > 0:
+                moved = ti.cast(self.dynamics.displacement[now, s, k, j, i], ti.f64)
+                speed = self.dynamics.velocity[s, k, j, i].norm()
+                margin = 0.25 * spacing + 2 * reach * (speed + approach)
+                if self.near(self.rest(s, k, j, i, spacing) + moved, margin):
+                    place = ti.atomic_add(count[0], 1)
+                    if place < self.capacity:
+                        found[place] = ((s * nz + k) * ny + j) * nx + i
+
+    @ti.kernel
+    def note_velocities(self):
+        """Note the velocities of the listed nodes as those of the end of the last step."""
+        for number in range(self.count[None]):
+            s, k, j, i = self.place(number)
+            self.before[number] = self.dynamics.velocity[s, k, j, i]
+
+    def collected(self) -> npt.NDArray[np.float64]:
+        """The four sums (see ``sums``)."""
+        return self.sums.to_numpy()
+
+
+@ti.data_oriented
+class Striker(RigidBody):
+    """Rigid hemisphere on a cylindrical shaft of its own diameter; moves along -z, frictionless.
+
+    The step is implicit in the striker's velocity: with all touching nodes on its surface their
+    impulses are linear in its change of velocity, one scalar equation. So a light striker is as
+    stable as a heavy one.
+
+    Attributes:
+        state: (4,) f64: displacement (m), velocity at n + 1/2 and n - 1/2 (m/s), trial change of
+            velocity (m/s), positive towards the plate.
+    """
+
+    def __init__(self, dynamics: Dynamics, scene: StrikerScene, time_step: float):
+        nx, ny, nz = dynamics.lattice.modules
+        spacing = dynamics.lattice.spacing
+        # as many nodes as a column of twice the striker's diameter and four thicknesses more
+        across = 2 * scene.diameter / spacing + 4 * nz
+        super().__init__(dynamics, int(min(across**2, (nx + 1) * (ny + 1)) * (2 * nz + 1)))
+        self.state = ti.field(ti.f64, shape=4)
+        self.mass, self.radius, self.gravity = scene.mass, 0.5 * scene.diameter, scene.gravity
+        self.axis, self.tip = scene.position, nz * spacing + scene.gap
+        start = scene.velocity - 0.5 * time_step * scene.gravity
+        self.state.from_numpy(np.array([0.0, start, start, 0.0]))
+
+    @ti.func
+    def from_axis(self, position, displacement):
+        """Vector from the nearest point of the axis at or above the sphere's centre to a point."""
+        centre = vec3d(self.axis[0], self.axis[1], self.tip + self.radius - displacement)
+        offset = position - centre
+        offset.z = ti.min(offset.z, 0.0)
+        return offset
+
+    @ti.func
+    def distance(self, position, displacement):
+        """Signed distance of a point to the striker's surface, m."""
+        return self.from_axis(position, displacement).norm() - self.radius
+
+    @ti.func
+    def near(self, position, margin):
+        """Whether a point is within a margin of the striker."""
+        return self.distance(position, self.state[DISPLACEMENT]) < margin
+
+    @ti.func
+    def overlap(self, number, now, spacing, displacement):
+        """How deep a listed node is in the striker, and the surface's normal there."""
+        s, k, j, i = self.place(number)
+        moved = ti.cast(self.dynamics.displacement[1 - now, s, k, j, i], ti.f64)
+        offset = self.from_axis(self.rest(s, k, j, i, spacing) + moved, displacement)
+        length = ti.max(offset.norm(), 1e-12 * self.radius)
+        return self.radius - length, offset / length
+
+    @ti.func
+    def free_velocity(self, time_step):
+        """The striker's velocity half a step from now if it touches nothing, m/s."""
+        return self.state[VELOCITY] + ti.cast(time_step, ti.f64) * self.gravity
+
+    @ti.func
+    def resolve(self, now, spacing, time_step):
+        """Put penetrating nodes on the surface and stop the striker by as much."""
+        dt = ti.cast(time_step, ti.f64)
+        for chunk in range(self.chunks()):
+            # with every touching node on the surface: M dV = sum(m (depth - n_z dt dV) n_z) / dt
+            driven, inertia = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
+            flight = self.state[DISPLACEMENT] + dt * self.free_velocity(time_step)
+            for number in range(chunk * CHUNK, self.chunk_end(chunk)):
+                depth, normal = self.overlap(number, now, spacing, flight)
+                if depth > 0:
+                    s, k, j, i = self.place(number)
+                    mass = ti.cast(self.node_mass(s, k, j, i), ti.f64)
+                    driven += mass * depth * normal.z / dt
+                    inertia += mass * normal.z**2
+            self.chunk_sums[chunk] = ti.Vector([driven, inertia, 0.0, 0.0], ti.f64)
+        for _ in range(1):
+            total = self.total()
+            self.state[TRIAL] = total[0] / (self.mass + total[1])
+        for chunk in range(self.chunks()):
+            works = vec3d(0.0, 0.0, 0.0)
+            flight = self.state[DISPLACEMENT] + dt * (
+                self.free_velocity(time_step) + self.state[TRIAL]
+            )
+            for number in range(chunk * CHUNK, self.chunk_end(chunk)):
+                s, k, j, i = self.place(number)
+                depth, normal = self.overlap(number, now, spacing, flight)
+                if depth > 0:
+                    moved = ti.cast(self.dynamics.displacement[1 - now, s, k, j, i], ti.f64)
+                    works += self.put(number, s, k, j, i, now, time_step, moved + depth * normal)
+                self.before[number] = self.dynamics.velocity[s, k, j, i]
+            self.chunk_sums[chunk] = ti.Vector([works[0], works[1], works[2], 0.0], ti.f64)
+        for _ in range(1):
+            total = self.total()
+            before = self.state[VELOCITY]
+            after = self.free_velocity(time_step) + total[0] / self.mass
+            self.state[VELOCITY_BEFORE] = before
+            self.state[VELOCITY] = after
+            self.state[DISPLACEMENT] += dt * after
+            # what the plate gets along +z the striker gets along -z, its own direction
+            self.sums[IMPULSE] += total[0]
+            self.sums[PLATE_BEFORE] = total[1]
+            self.sums[LOSS_BEFORE] -= total[1] + 0.5 * total[0] * before
+            self.sums[LOSS_AFTER] -= total[2] + 0.5 * total[0] * after
+
+    def motion(self) -> tuple[float, float, float]:
+        """Displacement (m), velocities at n - 1/2 and n + 1/2 (m/s), towards the plate."""
+        state = self.state.to_numpy()
+        return float(state[DISPLACEMENT]), float(state[VELOCITY_BEFORE]), float(state[VELOCITY])
+
+
+@ti.data_oriented
+class Rings(RigidBody):
+    """What holds the plate: rigid rings on both faces, or nodes fixed for good.
+
+    Rings: a node between the two circles that would cross the plane of a face stays on it, without
+    slip, for as long as it is pressed against it; it separates freely. A node that gets beyond a
+    face's plane through the opening is not the ring's. Bonded, rim: listed nodes never move.
+    """
+
+    def __init__(self, dynamics: Dynamics, clamp: Clamp, plate: Plate):
+        assert clamp.inner_diameter is not None  # the scene refuses other clamps without it
+        lattice = dynamics.lattice
+        self.moving = clamp.kind == "rings"
+        self.inner = 0.5 * clamp.inner_diameter
+        outer = clamp.outer_diameter if clamp.kind != "rim" else None
+        self.outer = 0.5 * outer if outer is not None else math.inf
+        self.height = plate.modules_through_thickness * lattice.spacing
+        fixed = self._fixed(dynamics, through=clamp.kind == "rim")
+        if len(fixed) == 0:
+            raise SceneError(
+                f"clamp.inner_diameter = {clamp.inner_diameter}: the clamp holds no node"
+            )
+        # separating rings: as many nodes as are between the circles through the whole thickness
+        super().__init__(dynamics, len(fixed) * (dynamics.sites[0] if self.moving else 1))
+        self.set_nodes(fixed, len(fixed))
+
+    def _fixed(self, dynamics: Dynamics, through: bool) -> npt.NDArray[np.int32]:
+        """Nodes between the circles: on both faces, or through the whole thickness."""
+        position = dynamics.lattice.positions()
+        spacing = dynamics.lattice.spacing
+        radius = np.hypot(position[..., 0], position[..., 1])
+        slack = 1e-9 * spacing
+        held = (
+            dynamics.lattice.exists()
+            & (radius >= self.inner - slack)
+            & (radius <= self.outer + slack)
+        )
+        if not through:
+            z = position[..., 2]
+            held &= (z < slack) | (z > self.height - slack)
+        return np.flatnonzero(held).astype(np.int32)
+
+    @ti.func
+    def near(self, position, margin):
+        """Whether a point is within a margin of a ring's plane."""
+        radius = ti.sqrt(position.x**2 + position.y**2)
+        close = (position.z < margin) | (position.z > self.height - margin)
+        return close & (radius > self.inner - margin) & (radius < self.outer + margin)
+
+    @ti.func
+    def held_at(self, s, k, j, i, now, spacing):
+        """Whether a ring holds a node at the end of the step, and its displacement then."""
+        old = ti.cast(self.dynamics.displacement[now, s, k, j, i], ti.f64)
+        new = ti.cast(self.dynamics.displacement[1 - now, s, k, j, i], ti.f64)
+        rest = self.rest(s, k, j, i, spacing)
+        radius = ti.sqrt((rest.x + old.x) ** 2 + (rest.y + old.y) ** 2)
+        slack = 1e-3 * spacing
+        below, above = rest.z, rest.z - ti.cast(self.height, ti.f64)
+        held = False
+        if radius >= self.inner and radius <= self.outer:
+            if above + new.z > 0 and above + old.z <= slack:
+                held, old.z = True, -above
+            elif below + new.z < 0 and below + old.z >= -slack:
+                held, old.z = True, -below
+        return held, old
+
+    @ti.func
+    def resolve(self, now, spacing, time_step):
+        """Hold the nodes that press against a ring, or the fixed ones, where they were."""
+        for chunk in range(self.chunks()):
+            works = vec3d(0.0, 0.0, 0.0)
+            for number in range(chunk * CHUNK, self.chunk_end(chunk)):
+                s, k, j, i = self.place(number)
+                held, target = True, ti.cast(self.dynamics.displacement[now, s, k, j, i], ti.f64)
+                if ti.static(self.moving):
+                    held, target = self.held_at(s, k, j, i, now, spacing)
+                if held:
+                    works += self.put(number, s, k, j, i, now, time_step, target)
+                self.before[number] = self.dynamics.velocity[s, k, j, i]
+            self.chunk_sums[chunk] = ti.Vector([works[0], works[1], works[2], 0.0], ti.f64)
+        for _ in range(1):
+            total = self.total()
+            self.sums[IMPULSE] += total[0]
+            self.sums[PLATE_BEFORE] = total[1]
+            self.sums[LOSS_BEFORE] -= total[1]
+            self.sums[LOSS_AFTER] -= total[2]

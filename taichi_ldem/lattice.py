@@ -1,0 +1,208 @@
+"""The lattice: a prism of cubic modules, one byte a site (Section 2, Fig. 1 of the paper).
+
+Sites are numbered ``[k, j, i]`` along z, y, x and padded by one ghost layer on every side, so that
+a kernel reaches every neighbour by a constant offset. A site carries a corner node and, where the
+module that starts there exists, a centre node half a module further. Its byte says which of the
+eight modules around the corner node exist: bit ``4 dz + 2 dy + dx`` stands for module ``(k - 1 +
+dz, j - 1 + dy, i - 1 + dx)``, so bit 7 is the site's own module. The byte decides everything: which
+of the site's fourteen bars exist, the share of a whole bar that they carry, and the masses of both
+nodes.
+
+====== ============================================================ ==============================
+bar    from, to                                                     exists where
+====== ============================================================ ==============================
+0-2    corner node to the next one along +x, +y, +z                 one of the 4 modules around does
+3-5    centre node to the one before along -x, -y, -z               both modules do
+6-13   centre node to corner ``6 + 4 dz + 2 dy + dx`` of its module the module does
+====== ============================================================ ==============================
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+BARS_PER_SITE = 14
+LONGITUDINAL = slice(0, 6)
+DIAGONAL = slice(6, 14)
+
+BAR_VECTORS: npt.NDArray[np.float64] = np.array(
+    [(1, 0, 0), (0, 1, 0), (0, 0, 1), (-1, 0, 0), (0, -1, 0), (0, 0, -1)]
+    + [(dx - 0.5, dy - 0.5, dz - 0.5) for dz in (0, 1) for dy in (0, 1) for dx in (0, 1)]
+)
+"""(14, 3): the vector from a bar's first to its second node, in units of the module edge."""
+
+_CODES = np.arange(256, dtype=np.uint8)
+_MODULE = np.unpackbits(_CODES[:, None], axis=1, bitorder="little").astype(bool)
+_AROUND_EDGE = ((1, 3, 5, 7), (2, 3, 6, 7), (4, 5, 6, 7))
+_MODULE_BEFORE = (6, 5, 3)
+
+
+def bar_weights(surface_weights: bool) -> npt.NDArray[np.float64]:
+    """Share of a whole bar carried by each of a site's bars, for every site byte.
+
+    An edge bar is shared by four modules; on a face or an edge of the body only two or one of them
+    exist, and consistent homogenisation leaves it 1/2 or 1/4 of its stiffness and fracture area.
+
+    Args:
+        surface_weights: False gives every existing bar its whole section.
+
+    Returns:
+        (256, 14) weights, zero where a bar does not exist.
+    """
+    weights = np.zeros((256, BARS_PER_SITE))
+    for axis, (modules, before) in enumerate(zip(_AROUND_EDGE, _MODULE_BEFORE, strict=True)):
+        share = _MODULE[:, modules].sum(axis=1) / 4
+        weights[:, axis] = share if surface_weights else share > 0
+        weights[:, 3 + axis] = _MODULE[:, 7] & _MODULE[:, before]
+    weights[:, DIAGONAL] = _MODULE[:, 7:]
+    return weights
+
+
+def node_masses() -> npt.NDArray[np.float64]:
+    """Masses of a site's corner and centre node over that of a module, for every site byte.
+
+    Half a module's mass sits at its centre, the other half is spread over its eight corners
+    (Section 2), so the sum over a body is exactly its volume times its density.
+
+    Returns:
+        (256, 2): corner, centre.
+    """
+    return np.stack([_MODULE.sum(axis=1) / 16, _MODULE[:, 7] / 2], axis=1)
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """A body made of cubic modules.
+
+    Attributes:
+        mask: (nz, ny, nx) True where a module exists.
+        spacing: module edge L, m.
+        surface_weights: whether surface and edge bars carry 1/2 and 1/4 (see ``bar_weights``).
+    """
+
+    mask: npt.NDArray[np.bool_]
+    spacing: float
+    surface_weights: bool = True
+
+    @property
+    def modules(self) -> tuple[int, int, int]:
+        """Numbers of modules (nx, ny, nz) of the prism that holds the body."""
+        nz, ny, nx = self.mask.shape
+        return nx, ny, nz
+
+    @property
+    def sites(self) -> tuple[int, int, int]:
+        """Shape of every site array: (nz + 3, ny + 3, nx + 3)."""
+        nz, ny, nx = self.mask.shape
+        return nz + 3, ny + 3, nx + 3
+
+    @property
+    def origin(self) -> tuple[float, float, float]:
+        """Position of corner site (1, 1, 1), m: the prism is centred and stands on z = 0."""
+        nx, ny, _ = self.modules
+        return -0.5 * nx * self.spacing, -0.5 * ny * self.spacing, 0.0
+
+    @cached_property
+    def code(self) -> npt.NDArray[np.uint8]:
+        """(nz + 3, ny + 3, nx + 3) the byte of every site."""
+        nz, ny, nx = self.mask.shape
+        padded = np.zeros((nz + 4, ny + 4, nx + 4), dtype=np.uint8)
+        padded[2:-2, 2:-2, 2:-2] = self.mask
+        code = np.zeros(self.sites, dtype=np.uint8)
+        for bit in range(8):
+            dz, dy, dx = bit >> 2, bit >> 1 & 1, bit & 1
+            code |= padded[dz : dz + nz + 3, dy : dy + ny + 3, dx : dx + nx + 3] << bit
+        return code
+
+    @cached_property
+    def _census(self) -> npt.NDArray[np.int64]:
+        return np.bincount(self.code.ravel(), minlength=256)
+
+    @property
+    def bars(self) -> int:
+        """Number of bars."""
+        return int(self._census @ (bar_weights(False) > 0).sum(axis=1))
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes of both kinds."""
+        return int(self._census @ (node_masses() > 0).sum(axis=1))
+
+    @property
+    def volume(self) -> float:
+        """Volume of the body, m3."""
+        return float(self.mask.sum()) * self.spacing**3
+
+    def positions(self) -> npt.NDArray[np.float64]:
+        """Positions of all nodes at rest, m: (2, nz + 3, ny + 3, nx + 3, 3), corner, centre."""
+        axes = [
+            start + (np.arange(n) - 1) * self.spacing
+            for start, n in zip(self.origin, reversed(self.sites), strict=True)
+        ]
+        z, y, x = np.meshgrid(axes[2], axes[1], axes[0], indexing="ij")
+        corner = np.stack([x, y, z], axis=-1)
+        return np.stack([corner, corner + 0.5 * self.spacing])
+
+    def exists(self) -> npt.NDArray[np.bool_]:
+        """(2, nz + 3, ny + 3, nx + 3) True where a node exists."""
+        return np.moveaxis(node_masses()[self.code] > 0, -1, 0)
+
+    def bar_midpoints(
+        self, site: npt.NDArray[np.int64], bar: npt.NDArray[np.int64]
+    ) -> npt.NDArray[np.float64]:
+        """Reference mid-points of bars, m: (n, 3) from sites (n, 3) and bar numbers (n,)."""
+        start = np.where(bar[:, None] < 3, 0.0, 0.5)
+        offset = (site[:, ::-1] - 1 + start + 0.5 * BAR_VECTORS[bar]) * self.spacing
+        return np.asarray(self.origin) + offset
+
+    def bars_crossing(
+        self, axis: int, position: float, lower: tuple[float, float], upper: tuple[float, float]
+    ) -> npt.NDArray[np.uint16]:
+        """Bars that cross a rectangle normal to an axis: the bars that a notch removes.
+
+        Args:
+            axis: 0, 1, 2 for a plane normal to x, y, z.
+            position: of the plane along the axis, m. A plane through nodes is taken to lie just
+                above them, so that it separates two node planes.
+            lower, upper: corners of the rectangle along the two other axes, in the order x, y, z,
+            m.
+
+        Returns:
+            (nz + 3, ny + 3, nx + 3) one bit a bar.
+        """
+        first = self.positions()
+        others = [a for a in range(3) if a != axis]
+        plane = position + 1e-6 * self.spacing
+        cut = np.zeros(self.sites, dtype=np.uint16)
+        existing = bar_weights(False)[self.code] > 0
+        for bar, vector in enumerate(BAR_VECTORS * self.spacing):
+            if vector[axis] == 0.0:
+                continue
+            start = first[0 if bar < 3 else 1]
+            along = (plane - start[..., axis]) / vector[axis]
+            hit = existing[..., bar] & (along >= 0) & (along < 1)
+            for other, low, high in zip(others, lower, upper, strict=True):
+                place = start[..., other] + along * vector[other]
+                tolerance = 1e-6 * self.spacing
+                hit &= (place >= low - tolerance) & (place <= high + tolerance)
+            cut |= hit.astype(np.uint16) << bar
+        return cut
+
+
+def prism(nx: int, ny: int, nz: int) -> npt.NDArray[np.bool_]:
+    """Mask of a whole prism, (nz, ny, nx)."""
+    return np.ones((nz, ny, nx), dtype=bool)
+
+
+def disc(nx: int, ny: int, nz: int, diameter: float) -> npt.NDArray[np.bool_]:
+    """Mask of a disc cut from a prism: the modules whose centre lies within it.
+
+    Args:
+        diameter: in units of the module edge.
+    """
+    x = np.arange(nx) + 0.5 - nx / 2
+    y = np.arange(ny) + 0.5 - ny / 2
+    inside = y[:, None] ** 2 + x[None, :] ** 2 <= (diameter / 2) ** 2
+    return np.broadcast_to(inside, (nz, ny, nx)).copy()

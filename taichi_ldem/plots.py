@@ -1,0 +1,316 @@
+"""Figures of a run from its run folder: force, velocity, energies, crack map (matplotlib).
+
+Where a scene is the paper's falling-weight test, the paper's and the experiments' values stand
+beside the run's own (its Figs. 5, 11 and 12 and the text of Sections 3 and 5).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_ldem.scene import Scene, load_scene
+from taichi_ldem.store import RunFolder, read_broken_bars, read_times
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Series = NDArray[np.float64]
+
+FORCE_WINDOW_S = 0.2e-3  # moving average of the force in figures
+_MS = 1e3
+_MM = 1e3
+_STYLE: dict[Any, Any] = {
+    "font.size": 13,
+    "lines.linewidth": 1.8,
+    "axes.grid": True,
+    "grid.color": "0.9",
+    "axes.axisbelow": True,
+    "legend.frameon": False,
+}
+
+# The experiments: first peak, box of the second peak and failure, time of the largest velocity.
+_P1_N, _T1_S = 600.0, 1.75e-3
+_P2_N, _T2_S = (600.0, 830.0), (6.4e-3, 9.4e-3)
+_V_MAX_S = 0.8e-3
+_T2_LDEM_S = 7.5e-3  # the paper's model
+
+
+@dataclass(frozen=True)
+class _Run:
+    """What a figure is drawn from."""
+
+    folder: RunFolder
+    scene: Scene
+    history: Mapping[str, Series]
+    summary: Mapping[str, Any]
+
+    @property
+    def time_ms(self) -> Series:
+        return _MS * self.history["time_s"]
+
+    @property
+    def is_papers_test(self) -> bool:
+        """Whether the scene has the plate, striker and speed of the paper's test."""
+        striker, plate = self.scene.striker, self.scene.plate
+        if striker is None or plate.shape != "rectangle":
+            return False
+        has = (*plate.size, striker.diameter, striker.mass, striker.velocity)
+        test = (92.8e-3, 92.8e-3, 3.2e-3, 12.7e-3, 18.49, 1.065)
+        return all(math.isclose(a, b, rel_tol=1e-6) for a, b in zip(has, test, strict=True))
+
+    def number(self, key: str) -> float | None:
+        """A number of the summary, None where the run has none."""
+        value = self.summary.get(key)
+        return float(value) if isinstance(value, (int, float)) else None
+
+
+def plot_run(folder: RunFolder) -> list[Path]:
+    """Draw `force.png`, `velocity.png`, `energy.png` and `crack_map.png` into the run folder.
+
+    A figure that the run has no data for is left out.
+
+    Returns:
+        The pictures written.
+
+    Raises:
+        SceneError: a file of the run cannot be read.
+    """
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    scene = load_scene(folder.scene_file)
+    run = _Run(folder, scene, folder.read_history(), folder.read_summary())
+    written = []
+    for name, size, needs, draw in _FIGURES:
+        if not needs(run):
+            continue
+        with rc_context(_STYLE):
+            figure = Figure(figsize=size, dpi=150, layout="constrained")
+            FigureCanvasAgg(figure)
+            draw(figure, run)
+            written.append(folder.path / f"{name}.png")
+            figure.savefig(written[-1])
+    return written
+
+
+def _has(column: str) -> Callable[[_Run], bool]:
+    return lambda run: len(run.history.get(column, ())) > 1
+
+
+def _has_cracks(run: _Run) -> bool:
+    return run.scene.material.damage and run.folder.fields_file.is_file()
+
+
+def _draw_force(figure: Figure, run: _Run) -> None:
+    axes = figure.add_subplot(xlabel="time [ms]", ylabel="force [N]")
+    time, force = run.history["time_s"], run.history["striker_force_n"]
+    smooth = _smooth_force(time, force, FORCE_WINDOW_S)
+    average = f"mean over {_MS * FORCE_WINDOW_S:g} ms"
+    axes.plot(run.time_ms, force, color="0.75", linewidth=0.6, label="striker, as sampled")
+    axes.plot(run.time_ms, smooth, color="C0", linewidth=2.4, label=f"striker, {average}")
+    if "ring_force_n" in run.history:
+        ring = _smooth_force(time, run.history["ring_force_n"], FORCE_WINDOW_S)
+        axes.plot(run.time_ms, ring, color="C2", linewidth=1.0, label=f"rings, {average}")
+    for name, peak, at in (
+        ("$P_1$", run.number("first_peak_force_n"), run.number("first_peak_time_s")),
+        ("$P_2$", run.number("second_peak_force_n"), run.number("failure_time_s")),
+    ):
+        if peak is not None and at is not None:
+            axes.plot(_MS * at, peak, "o", color="C0", markeredgecolor="white", markersize=9)
+            label = f"{name} = {peak:.0f} N"
+            axes.annotate(label, (_MS * at, peak), (6, 10), textcoords="offset points")
+    top = 1.25 * max(smooth.max(), _P2_N[1] if run.is_papers_test else 0.0)
+    _mark_times(axes, run)
+    if run.is_papers_test:
+        _mark_papers_force(axes)
+    _keep_in_view(axes, force, top)
+    _finish(figure, run)
+
+
+def _mark_papers_force(axes: Axes) -> None:
+    from matplotlib.patches import Rectangle
+
+    first = f"experiments, $P_1$ ~ {_P1_N:.0f} N at {_MS * _T1_S:g} ms"
+    axes.plot(_MS * _T1_S, _P1_N, "D", color="C3", markersize=9, fillstyle="none", label=first)
+    corner = (_MS * _T2_S[0], _P2_N[0])
+    sides = (_MS * (_T2_S[1] - _T2_S[0]), _P2_N[1] - _P2_N[0])
+    second = "experiments, $P_2$ and $t_2$"
+    axes.add_patch(Rectangle(corner, *sides, color="C3", alpha=0.15, linewidth=0, label=second))
+    label = f"paper's LDEM, $t_2$ ~ {_MS * _T2_LDEM_S:g} ms"
+    axes.axvline(_MS * _T2_LDEM_S, color="C3", linestyle="--", linewidth=1.2, label=label)
+
+
+def _keep_in_view(axes: Axes, raw: Series, top: float) -> None:
+    """Let single samples run out of the picture rather than flatten the curve, and say so."""
+    floor = -0.1 * top
+    axes.set_ylim(max(floor, min(0.0, 1.05 * raw.min())), top)
+    if raw.max() > top or raw.min() < floor:
+        note = f"samples reach from {raw.min():.0f} to {raw.max():.0f} N"
+        axes.text(0.99, 0.02, note, transform=axes.transAxes, ha="right", color="0.5", fontsize=11)
+
+
+def _draw_velocity(figure: Figure, run: _Run) -> None:
+    axes = figure.add_subplot(xlabel="time [ms]", ylabel="striker velocity [m/s]")
+    velocity = run.history["striker_velocity_m_s"]
+    axes.plot(run.time_ms, velocity, color="C0", label="striker, positive towards the plate")
+    _mark_times(axes, run)
+    if run.is_papers_test:
+        label = f"experiments, largest velocity at ~{_MS * _V_MAX_S:g} ms"
+        axes.axvline(_MS * _V_MAX_S, color="C3", linestyle=":", linewidth=1.5, label=label)
+        label = f"experiments, $t_1$ ~ {_MS * _T1_S:g} ms"
+        axes.axvline(_MS * _T1_S, color="C3", linestyle="-.", linewidth=1.2, label=label)
+        label = f"experiments, $t_2$ from {_MS * _T2_S[0]:g} to {_MS * _T2_S[1]:g} ms"
+        axes.axvspan(_MS * _T2_S[0], _MS * _T2_S[1], color="C3", alpha=0.12, label=label)
+    _finish(figure, run)
+
+
+def _draw_energy(figure: Figure, run: _Run) -> None:
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    for label, energy, style in _energies(run.history):
+        upper.plot(run.time_ms, energy, style, label=label)
+    upper.set_ylabel("energy [J]")
+    lower.set_title("imbalance of energies over initial energy and external work", fontsize=12)
+    _mark_times(upper, run)
+    error = np.abs(run.history["energy_error"])
+    lower.semilogy(run.time_ms, np.where(error > 0, error, np.nan), color="black", linewidth=1.0)
+    lower.set_ylabel("|error| [-]")
+    lower.set_xlabel("time [ms]")
+    _finish(figure, run)
+
+
+def _smooth_force(time: Series, force: Series, window: float) -> Series:
+    from scipy.ndimage import uniform_filter1d
+
+    samples = max(1, round(window / (time[1] - time[0])))
+    smooth: Series = uniform_filter1d(force, samples)
+    return smooth
+
+
+def _energies(history: Mapping[str, Series]) -> Iterator[tuple[str, Series, str]]:
+    """Label, energy [J] and line style of each curve that the run has."""
+    if "kinetic_striker_j" in history:
+        kinetic = history["kinetic_striker_j"]
+        work = history.get("external_j", np.zeros_like(kinetic))
+        name = "given up by the striker" if "external_j" not in history else "striker and gravity"
+        yield name, kinetic[0] - kinetic + work, "C7--"
+    for column, label, style in (
+        ("strain_j", "strain", "C0-"),
+        ("fracture_j", "fracture", "C3-"),
+        ("kinetic_plate_j", "kinetic, plate", "C1-"),
+        ("contact_j", "contact", "C2-"),
+        ("damping_j", "damping", "C4-"),
+    ):
+        if column in history:
+            yield label, history[column], style
+
+
+def _draw_crack_map(figure: Figure, run: _Run) -> None:
+    from matplotlib.colors import PowerNorm
+
+    plate = run.scene.plate
+    nx, ny, nz = plate.modules
+    half_x, half_y = (_MM * side / 2 for side in plate.actual_size[:2])
+    bars = read_broken_bars(run.folder.fields_file)
+    share = _broken_share(_MM * bars.position_m[:, :2], (nx, ny), (half_x, half_y)) / nz
+
+    axes = figure.add_subplot(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
+    axes.grid(False)
+    image = axes.imshow(
+        share.T,
+        extent=(-half_x, half_x, -half_y, half_y),
+        origin="lower",
+        cmap="Greys",
+        norm=PowerNorm(0.5, 0.0, 0.5),  # a single broken bar must show beside a whole crack
+        interpolation="nearest",
+    )
+    bar = figure.colorbar(image, ax=axes, extend="max", shrink=0.8)
+    bar.set_label("share of bars broken, mean through the thickness")
+    _draw_outlines(axes, run.scene)
+    # Looking up with y upwards, x points to the left.
+    axes.set_xlim(1.03 * half_x, -1.03 * half_x)
+    axes.set_ylim(-1.03 * half_y, 1.03 * half_y)
+    times = read_times(run.folder.fields_file)
+    end = max(run.history["time_s"].max(initial=0.0), times.max(initial=0.0))
+    axes.set_title(
+        f"Broken bars seen from below: {len(bars.bar):,} at t = {_MS * end:.2f} ms", fontsize=14
+    )
+
+
+def _broken_share(
+    position: Series, modules: tuple[int, int], half: tuple[float, float]
+) -> NDArray[np.float64]:
+    """Broken bars per bar of a module, summed through the thickness; (nx, ny).
+
+    A bar on the border of two columns counts half in each, which keeps the map symmetric.
+    """
+    nudge = 1e-6 * min(half)
+    counts = np.zeros(modules)
+    for shift in ((-nudge, -nudge), (-nudge, nudge), (nudge, -nudge), (nudge, nudge)):
+        # Bars on the rim must not be nudged off the plate.
+        x, y = np.clip(position + shift, np.negative(half), half).T
+        limits = ((-half[0], half[0]), (-half[1], half[1]))
+        counts += np.histogram2d(x, y, bins=modules, range=limits)[0] / 4
+    return counts / 14
+
+
+def _draw_outlines(axes: Axes, scene: Scene) -> None:
+    """The specimen's edge and the clamp's inner circle."""
+    from matplotlib.patches import Circle, Patch, Rectangle
+
+    plate, clamp = scene.plate, scene.clamp
+    if plate.diameter is not None:
+        outline: Patch = Circle((0.0, 0.0), _MM * plate.diameter / 2)
+    else:
+        x, y = (_MM * side for side in plate.actual_size[:2])
+        outline = Rectangle((-x / 2, -y / 2), x, y)
+    outline.set(fill=False, edgecolor="black", linewidth=1.5)
+    axes.add_patch(outline)
+    if clamp is not None and clamp.kind != "free" and clamp.inner_diameter is not None:
+        angle = np.linspace(0.0, 2.0 * np.pi, 361)
+        radius = _MM * clamp.inner_diameter / 2
+        label = f"clamp, inner diameter {2 * radius:g} mm"
+        axes.plot(radius * np.cos(angle), radius * np.sin(angle), "C0--", lw=1.2, label=label)
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08), fontsize=12)
+
+
+def _mark_times(axes: Axes, run: _Run) -> None:
+    """The run's damage onset, first peak and failure as thin lines, named above the axes."""
+    for key, name in (
+        ("damage_onset_time_s", "onset"),
+        ("first_peak_time_s", "$t_1$"),
+        ("failure_time_s", "$t_2$"),
+    ):
+        at = run.number(key)
+        if at is None:
+            continue
+        axes.axvline(_MS * at, color="0.4", linewidth=0.8)
+        # The onset comes shortly before t1: its name hangs to the left.
+        side: Literal["right", "center"] = "right" if name == "onset" else "center"
+        axes.annotate(
+            name, (_MS * at, 1.01), xycoords=("data", "axes fraction"), ha=side, fontsize=12
+        )
+
+
+def _finish(figure: Figure, run: _Run) -> None:
+    for axes in figure.axes:
+        axes.set_xlim(0.0, float(run.time_ms[-1]))
+    figure.legend(loc="outside lower center", ncols=2, fontsize=12)
+
+
+_Needs = Callable[[_Run], bool]
+_Draw = Callable[["Figure", _Run], None]
+_FIGURES: tuple[tuple[str, tuple[float, float], _Needs, _Draw], ...] = (
+    ("force", (9.0, 6.4), _has("striker_force_n"), _draw_force),
+    ("velocity", (9.0, 6.4), _has("striker_velocity_m_s"), _draw_velocity),
+    ("energy", (9.0, 7.0), _has("energy_error"), _draw_energy),
+    ("crack_map", (9.0, 7.8), _has_cracks, _draw_crack_map),
+)

@@ -1,0 +1,468 @@
+"""Headless pictures of the deformed, cracked plate from a run folder, drawn by Taichi's GGUI.
+
+Drawing happens in a child process, in a temporary working directory: a Vulkan driver that aborts
+takes only the child with it, and GGUI's settings file does not land in the user's directory.  The
+plate is the exterior of its modules at true scale, coloured by the share of a module's bars that
+have failed; modules that are cut in two are left out, so that cracks read as gaps.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_ldem.scene import load_scene
+from taichi_ldem.store import Fields, RunFolder, read_fields, read_times
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.colors import LinearSegmentedColormap
+    from matplotlib.figure import Figure
+
+FloatArray = NDArray[np.floating[Any]]
+
+NO_DEVICE = (
+    "no pictures: there is no Vulkan device; "
+    "a software one comes with `apt install libvulkan1 mesa-vulkan-drivers` (Debian)"
+)
+TIMEOUT_S = 120.0
+_EXIT_NO_DEVICE = 3
+
+# Share of failed bars from which a module is not drawn.  A plane between two layers of nodes cuts
+# four edges and four diagonals of a module, 8 of its 20 bars: that module is cut in two.
+GONE = 0.4
+_SIZE_PX = (1400, 1050)
+_SUPERSAMPLING = 2  # GGUI has no anti-aliasing
+
+# Local corners of a module's faces, counter-clockwise from outside, by outward direction (x, y, z).
+_FACES = (
+    ((-1, 0, 0), (0, 4, 7, 3)),
+    ((1, 0, 0), (1, 2, 6, 5)),
+    ((0, -1, 0), (0, 1, 5, 4)),
+    ((0, 1, 0), (3, 7, 6, 2)),
+    ((0, 0, -1), (0, 3, 2, 1)),
+    ((0, 0, 1), (4, 5, 6, 7)),
+)
+# Colour over the share of failed bars: whole, damaged, about to go.
+_COLOURS = ("#dfe4e8", "#f2c14e", "#d1495b", "#5c0a14")
+_BEHIND = np.array((0.20, 0.25, 0.30))  # RGB far behind a cut
+
+
+# --- the caller's side ----------------------------------------------------------------------------
+
+
+def render_run(folder: RunFolder, times: list[float] | None = None) -> list[Path]:
+    """Draw the plate from below, from above and cut open; one PNG a view and time.
+
+    Args:
+        folder: a run, finished or not.
+        times: wanted times [s], the nearest stored steps are drawn; None: the scene's image times
+            and the last step.
+
+    Returns:
+        The pictures written, `crack_<ms>ms_<view>.png`.  Without a Vulkan device, or if drawing
+        fails, one line on stderr says so and what exists is returned.
+
+    Raises:
+        SceneError: the run folder's fields or scene cannot be read.
+    """
+    steps = _steps(folder, times)
+    pictures = [picture for step in steps for picture in _pictures(folder, step)]
+    for picture in pictures:
+        picture.unlink(missing_ok=True)
+    complaint = _draw_in_child(folder, [number for number, _ in steps])
+    if complaint:
+        print(complaint, file=sys.stderr)
+    return [picture for picture in pictures if picture.is_file()]
+
+
+def _steps(folder: RunFolder, times: Sequence[float] | None) -> list[tuple[int, float]]:
+    """Stored steps (number, time) nearest to the wanted times, in order, each once."""
+    stored = read_times(folder.fields_file)
+    if not stored.size:
+        return []
+    if times is None:
+        times = [*load_scene(folder.scene_file).output.image_times, float(stored[-1])]
+    nearest = sorted({int(np.abs(stored - time).argmin()) for time in times})
+    return [(step, float(stored[step])) for step in nearest]
+
+
+def _pictures(folder: RunFolder, step: tuple[int, float]) -> list[Path]:
+    time_ms = f"{step[1] * 1e3:.4f}".rstrip("0").rstrip(".")
+    return [folder.path / f"crack_{time_ms}ms_{view}.png" for view in _VIEWS]
+
+
+def _draw_in_child(folder: RunFolder, steps: Sequence[int]) -> str:
+    """Draw in a child process; what went wrong in one line, or nothing."""
+    command = [
+        sys.executable,
+        "-m",
+        "taichi_ldem.render",
+        str(folder.path.resolve()),
+        *map(str, steps),
+    ]
+    # The child starts elsewhere: a package found through the working directory must stay found.
+    package = str(Path(__file__).resolve().parents[1])
+    path = os.pathsep.join(filter(None, (package, os.environ.get("PYTHONPATH"))))
+    with tempfile.TemporaryDirectory() as scratch:
+        try:
+            child = subprocess.run(
+                command,
+                cwd=scratch,
+                env={**os.environ, "PYTHONPATH": path},
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                text=True,
+                errors="replace",
+                timeout=TIMEOUT_S,
+            )
+        except subprocess.TimeoutExpired:
+            return f"pictures are missing: drawing took more than {TIMEOUT_S:.0f} s"
+        except OSError as error:
+            return f"no pictures: cannot start a process to draw them: {error.strerror}"
+    if child.returncode == _EXIT_NO_DEVICE:
+        return NO_DEVICE
+    if child.returncode:
+        last = (child.stderr.strip().splitlines() or ["nothing was said"])[-1]
+        return f"pictures are missing: drawing ended with code {child.returncode}: {last}"
+    return ""
+
+
+# --- geometry -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Exterior quadrilaterals of the modules that are drawn.
+
+    corners (F, 4, 3), deformed [m], counter-clockwise from outside; normals (F, 3); broken (F,),
+    share of failed bars of the face's module; opened (F,), whether a crack laid the face bare.
+    """
+
+    corners: FloatArray
+    normals: FloatArray
+    broken: FloatArray
+    opened: NDArray[np.bool_]
+
+
+def exterior(fields: Fields, part: NDArray[np.bool_]) -> Surface:
+    """Bare faces of the modules of a part (C,) of the plate, without those that are `GONE`."""
+    base = fields.points[fields.hexahedra[:, 0]]
+    edge = np.linalg.norm(fields.points[fields.hexahedra[0, 1]] - base[0])
+    # One empty layer all around: no module at the rim needs a case of its own.
+    site = np.rint((base - base.min(axis=0)) / edge).astype(np.int64) + 1
+    drawn = part & (fields.broken_fraction < GONE)
+    taken, filled = np.zeros((2, *(site.max(axis=0) + 2)), dtype=bool)
+    taken[tuple(site[part].T)] = True
+    filled[tuple(site[drawn].T)] = True
+
+    position = fields.points + fields.displacement
+    quads, modules, opened = [], [], []
+    for direction, local in _FACES:
+        beside = tuple((site + direction).T)
+        bare = np.flatnonzero(drawn & ~filled[beside])
+        quads.append(position[fields.hexahedra[bare][:, local]])
+        modules.append(bare)
+        opened.append(taken[beside][bare])
+    corners, module = np.concatenate(quads), np.concatenate(modules)
+    normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    return Surface(corners, normals, fields.broken_fraction[module], np.concatenate(opened))
+
+
+# --- views ----------------------------------------------------------------------------------------
+
+
+_WIDTH = 0.96  # of every panel, as a share of the figure's
+_BOTTOM, _HEIGHT = 0.10, 0.82
+_MARGIN = 1.1
+
+
+@dataclass(frozen=True)
+class _Panel:
+    """One parallel projection: where it sits in the figure and what it shows."""
+
+    bottom: float  # lower edge and height, shares of the figure's height
+    height: float
+    rotation: FloatArray  # (3, 3); rows: the picture's right, its up, direction towards the eye
+    span: float  # [m] across
+    scale_bar: float  # [m]
+    label: str = ""
+
+    @property
+    def aspect(self) -> float:
+        """Height over width."""
+        return self.height * _SIZE_PX[1] / (_WIDTH * _SIZE_PX[0])
+
+
+@dataclass(frozen=True)
+class _View:
+    title: str
+    panels: tuple[_Panel, ...]
+    cut: bool = False
+
+
+def _single(size: FloatArray, rotation: FloatArray) -> tuple[_Panel]:
+    """One panel that holds a plate of `size` (3,) [m]."""
+    panel = _Panel(_BOTTOM, _HEIGHT, rotation, 0.0, 0.01)
+    width, height = np.abs(rotation[:2]) @ size
+    return (replace(panel, span=_MARGIN * max(width, height / panel.aspect)),)
+
+
+def _rotation(azimuth: float, elevation: float) -> FloatArray:
+    """For an eye at the given angles [degrees] from the -y axis and above the plate."""
+    sin_a, sin_e = np.sin(np.deg2rad((azimuth, elevation)))
+    cos_a, cos_e = np.cos(np.deg2rad((azimuth, elevation)))
+    right = (cos_a, sin_a, 0.0)
+    up = (-sin_a * sin_e, cos_a * sin_e, cos_e)
+    return np.array((right, up, np.cross(right, up)))
+
+
+def _below(size: FloatArray) -> _View:
+    # Looking up with y upwards puts x to the left, as on the photographs of the tension face.
+    return _View("from below (tension face)", _single(size, _rotation(180.0, -90.0)))
+
+
+def _above(size: FloatArray) -> _View:
+    return _View("from above (struck face)", _single(size, _rotation(25.0, 40.0)))
+
+
+def _cut(size: FloatArray) -> _View:
+    side = _rotation(0.0, 0.0)
+    whole = _MARGIN * size[0]
+    enlarged = min(whole, 10 * size[2])
+    upper = _Panel(
+        0.68, 0.24, side, whole, 0.01, "whole width; dark: behind the cut, walls of cracks"
+    )
+    lower = _Panel(_BOTTOM, 0.54, side, enlarged, 0.001, "middle, enlarged")
+    return _View("cut through y = 0, near half removed", (upper, lower), cut=True)
+
+
+_VIEWS: dict[str, Callable[[FloatArray], _View]] = {"below": _below, "above": _above, "cut": _cut}
+
+
+# --- the child's side -----------------------------------------------------------------------------
+
+
+def _vulkan_device() -> bool:
+    """Whether a Vulkan device exists, asked without Taichi, which aborts where there is none."""
+    if sys.platform == "darwin":
+        return True  # Taichi brings its own
+    try:
+        vulkan = ctypes.CDLL("vulkan-1.dll" if sys.platform == "win32" else "libvulkan.so.1")
+    except OSError:
+        return False
+    # VkInstanceCreateInfo with only its type set, as eight pointer-sized slots
+    request = (ctypes.c_size_t * 8)(1)
+    instance, count = ctypes.c_void_p(), ctypes.c_uint32(0)
+    if vulkan.vkCreateInstance(ctypes.byref(request), None, ctypes.byref(instance)):
+        return False
+    failed = vulkan.vkEnumeratePhysicalDevices(instance, ctypes.byref(count), None)
+    vulkan.vkDestroyInstance(instance, None)
+    return not failed and count.value > 0
+
+
+class _Painter:
+    """An invisible GGUI window that turns triangles into images."""
+
+    def __init__(self) -> None:
+        import taichi as ti
+
+        ti.init(arch=ti.cpu, log_level=ti.ERROR)
+        self._ti = ti
+        self._size = round(_HEIGHT * _SIZE_PX[1]), round(_WIDTH * _SIZE_PX[0])
+        height, width = (_SUPERSAMPLING * side for side in self._size)
+        self._window = ti.ui.Window("plate", (width, height), show_window=False)
+        self._fields: list[tuple[Any, Any]] = []
+
+    def paint(self, triangles: FloatArray, colours: FloatArray, aspect: float) -> FloatArray:
+        """An image (rows, columns, 3) from triangles in the panel's coordinates.
+
+        triangles: (T, 3, 3), x in -1..1 across the panel, y to the same scale, z in -1..1 towards
+        the eye; colours: (T, 3) RGB.  aspect: height over width of the image, at most the
+        window's.
+        """
+        places, shades = self._buffers(3 * len(triangles))
+        for field, rows in (
+            (places, triangles.reshape(-1, 3)),
+            (shades, colours.repeat(3, axis=0)),
+        ):
+            padded = np.zeros((field.shape[0], 3), dtype=np.float32)
+            padded[: len(rows)] = rows
+            field.from_numpy(padded)
+        scene, canvas = self._window.get_scene(), self._window.get_canvas()
+        scene.set_camera(self._camera())
+        # Light and shade are in the colours already; without any light GGUI reads a null buffer.
+        scene.ambient_light((1.0, 1.0, 1.0))
+        scene.point_light((0.0, 0.0, 3.0), (0.0, 0.0, 0.0))
+        canvas.set_background_color((1.0, 1.0, 1.0))
+        scene.mesh(places, normals=places, per_vertex_color=shades)
+        canvas.scene(scene)
+        image = self._window.get_image_buffer_as_numpy()[..., :3].transpose(1, 0, 2)
+        n, height, width = _SUPERSAMPLING, *self._size
+        image = image.reshape(height, n, width, n, 3).mean(axis=(1, 3))
+        spare = (height - round(aspect * width)) // 2
+        return image[spare : height - spare]
+
+    def _camera(self) -> Any:
+        camera = self._ti.ui.Camera()
+        reach = self._size[0] / self._size[1]
+        camera.position(0.0, 0.0, 3.0)
+        camera.lookat(0.0, 0.0, 0.0)
+        camera.up(0.0, 1.0, 0.0)
+        camera.projection_mode(self._ti.ui.ProjectionMode.Orthogonal)
+        for set_edge, value in (
+            (camera.left, -1.0),
+            (camera.right, 1.0),
+            (camera.bottom, -reach),
+            (camera.top, reach),
+            (camera.z_near, 1.0),
+            (camera.z_far, 5.0),
+        ):
+            set_edge(value)
+        return camera
+
+    def _buffers(self, vertices: int) -> tuple[Any, Any]:
+        """Fields of places and colours with room for `vertices`; the rest is empty triangles.
+
+        Fields are never freed, so they are used again.  Those outgrown are kept all the same: a
+        kernel knows a field by its identity, which a new one could take over with the kernel.
+        """
+        if not self._fields or vertices > self._fields[-1][0].shape[0]:
+            room = max(3, 4 * vertices // 3)
+            make = self._ti.Vector.field
+            self._fields.append((make(3, self._ti.f32, room), make(3, self._ti.f32, room)))
+        return self._fields[-1]
+
+
+def _draw_step(painter: _Painter, folder: RunFolder, step: int) -> None:
+    fields = read_fields(folder.fields_file, step)
+    lower, upper = fields.points.min(axis=0), fields.points.max(axis=0)
+    everything = np.ones(len(fields.hexahedra), dtype=bool)
+    far_half = fields.points[fields.hexahedra].mean(axis=1)[:, 1] > (lower[1] + upper[1]) / 2
+    for name, picture in zip(_VIEWS, _pictures(folder, (step, fields.time)), strict=True):
+        view = _VIEWS[name](upper - lower)
+        surface = exterior(fields, far_half if view.cut else everything)
+        images = [_panel_image(painter, surface, fields, panel, view.cut) for panel in view.panels]
+        _compose(view, images, fields.time, picture)
+
+
+def _panel_image(
+    painter: _Painter, surface: Surface, fields: Fields, panel: _Panel, cut: bool
+) -> FloatArray:
+    towards_eye = surface.normals @ panel.rotation.T
+    seen = towards_eye[:, 2] > 0
+    corners = (surface.corners[seen] - _centre(fields, panel)) @ panel.rotation.T
+    colours = _shade(surface.broken[seen], towards_eye[seen], surface.opened[seen])
+    if cut:
+        colours = _fade(colours, corners[..., 2].mean(axis=1), np.ptp(fields.points[:, 2]) / 2)
+    corners[..., :2] /= panel.span / 2
+    corners[..., 2] /= np.abs(corners[..., 2]).max(initial=1e-9)
+    triangles = corners[:, ((0, 1, 2), (0, 2, 3))].reshape(-1, 3, 3)
+    return painter.paint(triangles, colours.repeat(2, axis=0), panel.aspect)
+
+
+def _centre(fields: Fields, panel: _Panel) -> FloatArray:
+    """What stands in the middle of the panel [m]: the plate's middle, sunk with its deflection."""
+    middle: FloatArray = (fields.points.min(axis=0) + fields.points.max(axis=0)) / 2
+    shown = np.abs(fields.points[:, 0] - middle[0]) < panel.span / 2
+    height = (fields.points[:, 2] + fields.displacement[:, 2])[shown]
+    middle[2] = np.quantile(height, (0.005, 0.995)).mean()  # loose fragments may be anywhere
+    return middle
+
+
+def _shade(broken: FloatArray, normals: FloatArray, opened: NDArray[np.bool_]) -> FloatArray:
+    """RGB (F, 3) of faces; normals (F, 3) in the eye's frame.  A crack's walls lie in shadow."""
+    light = np.array((-0.35, 0.45, 0.82))
+    brightness = 0.4 + 0.6 * np.maximum(0.0, normals @ light) / np.linalg.norm(light)
+    brightness[opened] *= 0.5
+    return _colour_map()(broken / GONE)[:, :3] * brightness[:, None]
+
+
+def _fade(colours: FloatArray, depth: FloatArray, half: float) -> FloatArray:
+    """Darken what lies behind the cut, by half at depth -`half`, lest it pass for the cut face."""
+    share = np.exp2(np.minimum(0.0, depth) / half)[:, None]
+    return colours * share + _BEHIND * (1.0 - share)
+
+
+def _colour_map() -> LinearSegmentedColormap:
+    from matplotlib.colors import LinearSegmentedColormap
+
+    return LinearSegmentedColormap.from_list("broken", _COLOURS)
+
+
+def _compose(view: _View, images: Sequence[FloatArray], time_s: float, picture: Path) -> None:
+    """Put the panels, a caption, scale bars, axes and the colours' meaning on one picture."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(_SIZE_PX[0] / 100, _SIZE_PX[1] / 100), dpi=100)
+    FigureCanvasAgg(figure)
+    for panel, image in zip(view.panels, images, strict=True):
+        place = ((1 - _WIDTH) / 2, panel.bottom, _WIDTH, panel.height)
+        axes = figure.add_axes(place, frameon=False, xticks=(), yticks=())
+        half = panel.span / 2
+        axes.imshow(image, extent=(-half, half, -half * panel.aspect, half * panel.aspect))
+        _annotate(axes, panel)
+    caption = f"t = {1e3 * time_s:.2f} ms    {view.title}    deformation to scale"
+    figure.text(0.5, 0.965, caption, ha="center", va="center", fontsize=20)
+    _colour_key(figure)
+    figure.savefig(picture)
+
+
+def _annotate(axes: Axes, panel: _Panel) -> None:
+    """Scale bar at the lower right, directions of x, y, z at the lower left, the panel's label."""
+    half = panel.span / 2
+    low, unit = -half * panel.aspect, panel.span / 100
+    end = half - unit
+    axes.plot((end - panel.scale_bar, end), (low + unit, low + unit), color="black", linewidth=4)
+    text = f"{1e3 * panel.scale_bar:g} mm"
+    axes.text(end - panel.scale_bar / 2, low + 1.6 * unit, text, ha="center", fontsize=16)
+    axes.text(-half, -low, panel.label, ha="left", va="top", fontsize=16)
+    arrow = {"arrowstyle": "-|>", "color": "black", "shrinkA": 0, "shrinkB": 0}
+    x, y = -half + 6.5 * unit, low + 2.5 * unit
+    for name, (right, up) in zip("xyz", panel.rotation[:2].T, strict=True):
+        if np.hypot(right, up) > 0.1:
+            tip = (x + 4 * unit * right, y + 4 * unit * up)
+            axes.annotate("", xy=tip, xytext=(x, y), arrowprops=arrow)
+            mark = (x + 5.2 * unit * right, y + 5.2 * unit * up)
+            axes.text(*mark, name, ha="center", va="center", fontsize=16)
+    axes.set_xlim(-half, half)
+    axes.set_ylim(low, -low)
+
+
+def _colour_key(figure: Figure) -> None:
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    axes = figure.add_axes((0.30, 0.055, 0.40, 0.018))
+    colours = ScalarMappable(Normalize(0.0, 100 * GONE), _colour_map())
+    bar = figure.colorbar(colours, cax=axes, orientation="horizontal")
+    bar.ax.tick_params(labelsize=14)
+    note = f"broken bars of a module [%]; modules from {100 * GONE:.0f} % on are not drawn"
+    bar.set_label(note, fontsize=14)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Draw steps of a run: `python -m taichi_ldem.render FOLDER STEP ...`, the child's side."""
+    if not _vulkan_device():
+        return _EXIT_NO_DEVICE
+    folder = RunFolder.open(Path(arguments[0]))
+    painter = _Painter()
+    for step in arguments[1:]:
+        _draw_step(painter, folder, int(step))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,1 @@
+"""One file for each scenario: what a command runs from start to end."""

@@ -1,0 +1,112 @@
+"""Numbers read off a force record: defined once, used everywhere.
+
+Forces are smoothed by a zero-phase moving average over 0.2 ms (a third of the first free
+oscillation's period of the paper's specimen, so that oscillations show and sampling noise does
+not).
+
+- Damage onset: the first sample whose dissipated energy exceeds a thousandth of G_f H^2, the energy
+  of a crack through the thickness H and as long: fracture energy leaves zero.
+- First peak (P1, t1): the first maximum of the smoothed force, from damage onset on, after which it
+  falls by 3 % before it exceeds that maximum again.
+- Second peak (P2): the largest smoothed force after the minimum that follows the first peak.
+- Failure time (t2): the first time after P2 from which the smoothed force stays below half of P2.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+SMOOTHING_WINDOW = 0.2e-3
+ONSET_SHARE = 1e-3
+PEAK_DROP = 0.03
+FAILURE_SHARE = 0.5
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ForcePeaks:
+    """Peaks of a force record (N, s); None where the record does not show one."""
+
+    first_force: float | None = None
+    first_time: float | None = None
+    second_force: float | None = None
+    second_time: float | None = None
+    failure_time: float | None = None
+
+
+def smooth_force(time: Array, force: Array, window: float = SMOOTHING_WINDOW) -> Array:
+    """Zero-phase moving average of an evenly sampled record; the window shrinks at both ends.
+
+    Args:
+        time: (n,) s, evenly spaced. force: (n,) N. window: s.
+    """
+    if len(time) < 2:
+        return np.asarray(force, dtype=float).copy()
+    half = round(0.5 * window / float(time[1] - time[0]))
+    total = np.concatenate([[0.0], np.cumsum(force)])
+    index = np.arange(len(force))
+    reach = np.minimum(half, np.minimum(index, len(force) - 1 - index))
+    smooth: Array = (total[index + reach + 1] - total[index - reach]) / (2 * reach + 1)
+    return smooth
+
+
+def damage_onset(
+    time: Array, fracture: Array, fracture_energy: float, height: float
+) -> float | None:
+    """Time at which the dissipated energy leaves zero, s (see the module), or None.
+
+    Args:
+        time: (n,) s. fracture: (n,) dissipated energy, J. fracture_energy: G_f, J/m2.
+        height: the plate's thickness H, m.
+    """
+    above = np.flatnonzero(fracture > ONSET_SHARE * fracture_energy * height**2)
+    return float(time[above[0]]) if len(above) else None
+
+
+def force_peaks(time: Array, force: Array, onset: float | None) -> ForcePeaks:
+    """First and second peak and the time of failure (see the module).
+
+    Args:
+        time: (n,) s. force: (n,) striker force, N. onset: damage onset, s; without it, no peaks.
+    """
+    if onset is None:
+        return ForcePeaks()
+    smooth = smooth_force(time, force)
+    first = _first_peak(smooth, int(np.searchsorted(time, onset)))
+    if first is None:
+        return ForcePeaks()
+    force_1, time_1 = float(smooth[first]), float(time[first])
+    # the valley after the first peak ends where the force has come back by as much as it fell
+    lowest = np.minimum.accumulate(smooth[first:])
+    back = np.flatnonzero(smooth[first:] > lowest + PEAK_DROP * force_1)
+    if len(back) == 0:
+        return ForcePeaks(force_1, time_1, failure_time=_failure(time, smooth, first))
+    start = first + int(back[0])
+    second = start + int(np.argmax(smooth[start:]))
+    return ForcePeaks(
+        force_1,
+        time_1,
+        float(smooth[second]),
+        float(time[second]),
+        _failure(time, smooth, second),
+    )
+
+
+def _first_peak(smooth: Array, start: int) -> int | None:
+    """Index of the first maximum from ``start`` on that is followed by a fall of 3 %."""
+    best = start
+    for index in range(start, len(smooth)):
+        if smooth[index] > smooth[best]:
+            best = index
+        elif smooth[index] < (1 - PEAK_DROP) * smooth[best]:
+            return best
+    return None
+
+
+def _failure(time: Array, smooth: Array, peak: int) -> float | None:
+    """First time after a peak from which the force stays below half of it, or None."""
+    high = np.flatnonzero(smooth[peak:] >= FAILURE_SHARE * smooth[peak])
+    last = peak + int(high[-1])
+    return float(time[last + 1]) if last + 1 < len(time) else None

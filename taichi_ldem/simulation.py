@@ -1,0 +1,364 @@
+"""A simulation built from exactly what its scene names."""
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import taichi as ti
+
+from taichi_ldem import stability
+from taichi_ldem.contact import IMPULSE, LOSS_AFTER, LOSS_BEFORE, PLATE_BEFORE, Rings, Striker
+from taichi_ldem.dynamics import Dynamics, Features, field_bytes
+from taichi_ldem.energy import BROKEN, DAMPED, FRACTURE, KINETIC, STRAIN, EnergySums, Ledger
+from taichi_ldem.lattice import Lattice, disc, prism
+from taichi_ldem.material import check
+from taichi_ldem.scene import Scene, SceneError
+
+WARN_ERROR, STOP_ERROR = 0.01, 0.05
+"""Energy errors at which a run warns and stops."""
+
+STEPS_BETWEEN_LISTS = 32
+"""Steps between two listings of the nodes near a rigid body."""
+
+
+class SimulationStopped(RuntimeError):
+    """The guard stopped the run; ``str(error)`` names time, step, place and likely cause."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One row of the history.
+
+    Attributes:
+        time: s; step: its number.
+        ledger: energies at that time.
+        energy_error: imbalance over initial energy plus external work.
+        energy_error_of_plate: imbalance over what the plate was given.
+        broken_bars: so far.
+        striker_displacement (m), striker_velocity (m/s): positive towards the plate; None without.
+        striker_force: impulse over the time since the last sample, N; None without a striker.
+        ring_force: the same for what holds the plate, positive against the striker; None without.
+    """
+
+    time: float
+    step: int
+    ledger: Ledger
+    energy_error: float
+    energy_error_of_plate: float
+    broken_bars: int
+    striker_displacement: float | None = None
+    striker_velocity: float | None = None
+    striker_force: float | None = None
+    ring_force: float | None = None
+
+
+def build_lattice(scene: Scene) -> Lattice:
+    """The lattice of a scene's plate."""
+    plate = scene.plate
+    mask = prism(*plate.modules)
+    if plate.diameter is not None:
+        mask = disc(*plate.modules, plate.diameter / plate.spacing)
+    return Lattice(mask, plate.spacing, plate.surface_weights)
+
+
+def notch_bars(scene: Scene, lattice: Lattice) -> npt.NDArray[np.uint16]:
+    """Bars that the scene's notches remove, one bit a bar.
+
+    Raises:
+        SceneError: a notch that cuts no bar.
+    """
+    removed = np.zeros(lattice.sites, dtype=np.uint16)
+    for number, notch in enumerate(scene.notch):
+        (a, b), (c, d) = notch.bounds
+        cut = lattice.bars_crossing(notch.axes[0], notch.position, (a, c), (b, d))
+        if not cut.any():
+            raise SceneError(f"notch[{number}].position = {notch.position}: the plane cuts no bar")
+        removed |= cut
+    return removed
+
+
+@ti.data_oriented
+class Simulation:
+    """A plate, its striker and its clamp, stepped in time.
+
+    Args:
+        scene: what to build; Taichi must have been started for it (``backend.start``).
+
+    Attributes:
+        dynamics: the lattice's fields and kernels.
+        striker, rings: None where the scene has none.
+        time_step, critical_time_step: s.
+        step_number: of the next step; the displacement at ``time`` lies in buffer ``now``.
+
+    Raises:
+        SceneError: K_r < 1, a clamp that holds nothing, or a time step above the critical one.
+    """
+
+    def __init__(self, scene: Scene):
+        self.scene = scene
+        bars = check(scene)
+        lattice = build_lattice(scene)
+        solver, material = scene.solver, scene.material
+        features = Features(
+            law=material.law if material.damage else None,
+            damping=solver.damping > 0,
+            notch=bool(scene.notch),
+        )
+        started = time.perf_counter()
+        self.dynamics = Dynamics(lattice, bars, material.density, features)
+        if features.notch:
+            self.dynamics.removed.from_numpy(notch_bars(scene, lattice))
+        self.spacing, self.damping = lattice.spacing, solver.damping
+        self.peak_strain = self.dynamics.peak_strain
+        self.critical_time_step = stability.critical_time_step(self.dynamics)
+        self.time_step, self.sample_every = self._choose_time_step()
+        self.steps = round(solver.duration / self.time_step)
+        held = scene.clamp is not None and scene.clamp.kind != "free"
+        self.has_rings, self.has_striker = held, scene.striker is not None
+        self.rings = (
+            Rings(self.dynamics, scene.clamp, scene.plate) if scene.clamp and held else None
+        )
+        self.striker = (
+            Striker(self.dynamics, scene.striker, self.time_step) if scene.striker else None
+        )
+        self.energies = EnergySums(self.dynamics)
+        self.now, self.step_number = 0, 0
+        self._start: Ledger | None = None
+        self._last: Sample | None = None
+        self._impulses = np.zeros(2)
+        self.setup_s = time.perf_counter() - started
+
+    def _choose_time_step(self) -> tuple[float, int]:
+        """Time step and the number of steps between two samples.
+
+        "auto" is the safety factor times the critical step, shortened so that a whole number of
+        steps makes a history interval.
+        """
+        solver, interval = self.scene.solver, self.scene.output.history_interval
+        critical = self.critical_time_step
+        if solver.time_step == "auto":
+            every = int(np.ceil(interval / (solver.safety * critical) * (1 - 1e-12)))
+            return interval / every, every
+        chosen = float(solver.time_step)
+        if chosen > critical and not solver.allow_unstable:
+            raise SceneError(
+                f"solver.time_step = {chosen}: above the critical time step {critical:.4g} s of "
+                'this lattice; use "auto" or a smaller one (or solver.allow_unstable = true)'
+            )
+        return chosen, max(1, round(interval / chosen))
+
+    # -- stepping
+    # -----------------------------------------------------------------------------------
+
+    @property
+    def time(self) -> float:
+        """Time of the displacement in buffer ``now``, s."""
+        return self.step_number * self.time_step
+
+    @ti.kernel
+    def _move(self, now: int, spacing: float, time_step: float, damping: float):
+        self.dynamics.move_nodes(now, spacing, time_step, damping)
+        if ti.static(self.has_rings):
+            self.rings.resolve(now, spacing, time_step)  # type: ignore[union-attr]
+        if ti.static(self.has_striker):
+            self.striker.resolve(now, spacing, time_step)  # type: ignore[union-attr]
+
+    def _forces(self) -> None:
+        if self.step_number % STEPS_BETWEEN_LISTS == 0:
+            self._list_candidates()
+        self.dynamics.forces(self.now, self.spacing, self.peak_strain)
+
+    def _advance(self) -> None:
+        self._move(self.now, self.spacing, self.time_step, self.damping)
+        self.now = 1 - self.now
+        self.step_number += 1
+
+    def _list_candidates(self) -> None:
+        """List the nodes that may touch a rigid body before the next listing."""
+        bodies = [b for b in (self.rings, self.striker) if b is not None and b.moving]
+        if not bodies:
+            return
+        approach = abs(self.striker.motion()[2]) if self.striker is not None else 0.0
+        for body in bodies:
+            body.list_nodes(
+                self.now,
+                STEPS_BETWEEN_LISTS * self.time_step,
+                approach if body is self.striker else 0.0,
+            )
+
+    def advance(self, steps: int) -> None:
+        """Take a number of steps without looking."""
+        for _ in range(steps):
+            self._forces()
+            self._advance()
+
+    def start_from(
+        self, displacement: npt.NDArray[np.float64], velocity: npt.NDArray[np.float64]
+    ) -> None:
+        """Set the state at t = 0: (2, *S, 3) arrays, corner then centre, m and m/s."""
+        dynamics = self.dynamics
+        dynamics.set_displacement(self.now, np.ascontiguousarray(displacement, dtype=np.float64))
+        dynamics.velocity.from_numpy(velocity.astype(dynamics.numpy_float()))
+        dynamics.forces(self.now, self.spacing, self.peak_strain)
+        dynamics.kick(self.now, self.spacing, -0.5 * self.time_step, self.damping)
+
+    # -- sampling
+    # -----------------------------------------------------------------------------------
+
+    def sample_step(self) -> Sample:
+        """Take one step and return the state at its start, with energies centred there."""
+        self._forces()
+        energies = self.energies
+        energies.potential(self.now)
+        energies.kinetic(self.now, self.time_step, self.damping)
+        bodies = [b for b in (self.rings, self.striker) if b is not None]
+        lost = sum(float(b.collected()[LOSS_AFTER]) for b in bodies)
+        moved = self.striker.motion()[0] if self.striker is not None else 0.0
+        total = energies.total()
+        step, at = self.step_number, self.time
+        self._advance()
+        contact = [b.collected() for b in bodies]
+        lost += sum(float(c[LOSS_BEFORE]) for c in contact)
+        kinetic = float(total[KINETIC]) + sum(float(c[PLATE_BEFORE]) for c in contact)
+        striker = self.scene.striker
+        kinetic_striker = external = 0.0
+        if self.striker is not None and striker is not None:
+            _, before, after = self.striker.motion()
+            kinetic_striker = 0.5 * striker.mass * before * after
+            external = striker.mass * striker.gravity * moved
+        ledger = Ledger(
+            kinetic,
+            kinetic_striker,
+            float(total[STRAIN]),
+            float(total[FRACTURE]),
+            float(total[DAMPED]),
+            lost,
+            external,
+        )
+        self._last = self._row(step, at, ledger, int(total[BROKEN]), moved)
+        return self._last
+
+    def _row(self, step: int, at: float, ledger: Ledger, broken: int, moved: float) -> Sample:
+        if self._start is None:
+            self._start = ledger
+        since = at - self._last.time if self._last is not None else self.time_step
+        forces: list[float | None] = [None, None]
+        for n, body in enumerate((self.striker, self.rings)):
+            if body is not None:
+                impulse = float(body.collected()[IMPULSE])
+                forces[n] = (impulse - self._impulses[n]) / since
+                self._impulses[n] = impulse
+        velocity = None
+        if self.striker is not None:
+            _, before, after = self.striker.motion()
+            velocity = 0.5 * (before + after)
+        return Sample(
+            at,
+            step,
+            ledger,
+            ledger.error(self._start),
+            ledger.error_of_plate(self._start, 1e-3 * self._start.stored),
+            broken,
+            moved if self.striker is not None else None,
+            velocity,
+            -forces[0] if forces[0] is not None else None,
+            forces[1],
+        )
+
+    def samples(self) -> Iterator[Sample]:
+        """Run to the scene's end, yielding the history row by row.
+
+        Raises:
+            SimulationStopped: a NaN, or an energy error of the plate above 5 %.
+        """
+        while self.step_number <= self.steps:
+            sample = self.sample_step()
+            yield sample
+            self._guard(sample)
+            ahead = min(self.sample_every, self.steps + 1 - sample.step) - 1
+            self.advance(ahead)
+
+    def _guard(self, sample: Sample) -> None:
+        """Stop at the first NaN or at 5 % energy error (the run's limit for a wrong answer)."""
+        if np.isfinite(sample.ledger.stored) and sample.energy_error <= STOP_ERROR:
+            return
+        where = f"t = {sample.time:.6g} s, step {sample.step}: "
+        cause = "a collision too fast for the time step; try a smaller solver.safety"
+        if self.time_step > self.critical_time_step:
+            cause = (
+                f"the time step {self.time_step:.3g} s is above the critical one, "
+                f"{self.critical_time_step:.3g} s"
+            )
+        if np.isfinite(sample.ledger.stored):
+            what = f"the energy error reached {100 * sample.energy_error:.1f} %"
+        else:
+            what = "the energies are not finite"
+        raise SimulationStopped(
+            f"{where}{what}, fastest {self._worst_node()}; likely cause: {cause}"
+        )
+
+    def _worst_node(self) -> str:
+        """Place of the first node whose velocity is not finite, or else of the fastest."""
+        speed = np.linalg.norm(self.dynamics.velocity.to_numpy(), axis=-1)
+        bad = ~np.isfinite(speed)
+        index = np.argmax(bad) if bad.any() else np.argmax(speed)
+        place = np.unravel_index(index, speed.shape)
+        x, y, z = self.dynamics.lattice.positions()[place] * 1e3
+        kind = "centre" if place[0] else "corner"
+        return f"at {kind} node x = {x:.2f}, y = {y:.2f}, z = {z:.2f} mm ({speed[place]:.3g} m/s)"
+
+    def measure_step(self) -> float:
+        """Seconds that a step takes here, from a few at rest; the state is not changed."""
+        for _ in range(2):  # the first compiles
+            started = time.perf_counter()
+            for _ in range(3):
+                self.dynamics.forces(self.now, self.spacing, self.peak_strain)
+                self.energies.kinetic(self.now, self.time_step, self.damping)
+            ti.sync()
+        return (time.perf_counter() - started) / 3
+
+    def field_bytes(self) -> dict[str, int]:
+        """Bytes of every field that was built for the scene."""
+        parts = {"": self.dynamics, "rings.": self.rings, "striker.": self.striker}
+        sizes = {
+            f"{prefix}{name}": field_bytes(value)
+            for prefix, part in parts.items()
+            for name, value in vars(part or object).items()
+            if isinstance(value, ti.Field)
+        }
+        return sizes | {"energies.rows": field_bytes(self.energies.rows)}
+
+    # -- results
+    # ------------------------------------------------------------------------------------
+
+    def displacement(self) -> npt.NDArray[np.float64]:
+        """(2, *S, 3) displacement of all nodes at ``time``, corner then centre, m."""
+        return self._displacement(self.now)
+
+    def displacement_before(self) -> npt.NDArray[np.float64]:
+        """(2, *S, 3) displacement one step before ``time``: that of a sample just taken, m."""
+        return self._displacement(1 - self.now)
+
+    def _displacement(self, buffer: int) -> npt.NDArray[np.float64]:
+        values = np.zeros((2, *self.dynamics.sites, 3))
+        self.dynamics.get_displacement(buffer, values)
+        return values
+
+    def broken_fraction(self) -> npt.NDArray[np.float64]:
+        """(nz, ny, nx) share of each module's twenty bars (Fig. 1(a)) reported broken."""
+        nz, ny, nx = self.dynamics.lattice.mask.shape
+        recorded = self.dynamics.recorded.to_numpy()
+
+        def broken(bar: int, dz: int = 0, dy: int = 0, dx: int = 0) -> npt.NDArray[np.int64]:
+            at = recorded[1 + dz : 1 + dz + nz, 1 + dy : 1 + dy + ny, 1 + dx : 1 + dx + nx]
+            return (at >> bar & 1).astype(np.int64)
+
+        count = np.zeros(self.dynamics.lattice.mask.shape, dtype=np.int64)
+        for bar in range(6, 14):
+            count += broken(bar)
+        for a in (0, 1):
+            for b in (0, 1):
+                count += broken(0, a, b, 0) + broken(1, a, 0, b) + broken(2, 0, a, b)
+        return count / 20

@@ -1,0 +1,122 @@
+"""Which reading of the paper gives which of its figures: one thing varied at a time.
+
+The paper's printed numbers contradict its equations (docs/reproduction.md). Every reading runs in a
+process and a folder of its own; what is finished is not run again, so the study can be cut and
+resumed:
+
+    python -m taichi_ldem.studies.readings configs/impact.toml outputs/readings [--only NAME ...]
+"""
+
+import json
+import subprocess
+import sys
+from argparse import ArgumentParser
+from dataclasses import dataclass
+from pathlib import Path
+
+MEASURED = "material.failure_strain=0.022388059701492536"  # 75 MPa / 3.35 GPa
+BRITTLE = "material.limit_strain=0.022388059701492536"
+FULL = "plate.surface_weights=false"
+PRINTED = ("material.failure_strain=0.01818", "material.limit_strain=0.02238")
+EARLY = ("solver.duration=3e-3", "output.image_times=[]")
+MIDDLE = "striker.position=[0.0002666666666666667, 0.0002666666666666667]"  # half of L
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A named set of overrides of the base scene, and what it is."""
+
+    name: str
+    overrides: tuple[str, ...]
+    meaning: str
+
+
+READINGS = (
+    Reading("derived", (), "derived defaults"),
+    Reading(
+        "full-measured", (FULL, MEASURED, BRITTLE), "full face bars, eps_p = eps_r = 75 MPa / E"
+    ),
+    Reading("full", (FULL, *EARLY), "full face bars"),
+    Reading("printed-strains", (FULL, *PRINTED, *EARLY), "full face bars, printed strains"),
+    Reading(
+        "as-printed",
+        (FULL, *PRINTED, "plate.stiffness=as-printed", "material.fracture_areas=paper", *EARLY),
+        "full face bars, printed strains and EA_d",
+    ),
+    Reading("bonded", ("clamp.kind=bonded", *EARLY), "bonded rings"),
+    Reading("measured", (MEASURED, BRITTLE, *EARLY), "eps_p = eps_r = 75 MPa / E"),
+    Reading(
+        "eight-measured",
+        ("plate.modules_through_thickness=8", MEASURED, *EARLY),
+        "eight modules, eps_p = 75 MPa / E",
+    ),
+    Reading("eight", ("plate.modules_through_thickness=8", *EARLY), "eight modules"),
+    Reading("middle", (MIDDLE, *EARLY), "striker over the middle of a module"),
+    Reading("gravity", ("striker.gravity=9.81", *EARLY), "gravity on the striker"),
+    Reading("paper-step", ("solver.time_step=9e-8", *EARLY), "the paper's time step, 9e-8 s"),
+    Reading(
+        "full-measured-middle",
+        (FULL, MEASURED, BRITTLE, MIDDLE),
+        "full face bars, 75 MPa / E, striker over the middle of a module",
+    ),
+)
+
+COLUMNS = (
+    ("onset [ms]", "damage_onset_time_s", 1e3, ".2f"),
+    ("P1 [N]", "first_peak_force_n", 1, ".0f"),
+    ("t1 [ms]", "first_peak_time_s", 1e3, ".2f"),
+    ("P2 [N]", "second_peak_force_n", 1, ".0f"),
+    ("t2 [ms]", "failure_time_s", 1e3, ".2f"),
+    ("v end [m/s]", "striker_velocity_end_m_s", 1, ".3f"),
+    ("fracture [J]", "fracture_j", 1, ".3f"),
+    ("energy error of plate [%]", "energy_error_of_plate", 100, ".2f"),
+)
+
+
+def run(reading: Reading, scene: Path, folder: Path, extra: list[str]) -> None:
+    """Run a reading in a process of its own, unless it is finished already."""
+    out = folder / reading.name
+    if (out / "summary.json").exists():
+        return
+    settings = [word for text in reading.overrides for word in ("--set", text)]
+    command = [sys.executable, "-m", "taichi_ldem.cli", "impact", str(scene), "--out", str(out)]
+    print(f"{reading.name}: {reading.meaning}", flush=True)
+    subprocess.run([*command, "--force", *settings, *extra], check=False)
+
+
+def table(folder: Path) -> str:
+    """The finished readings as a Markdown table."""
+    lines = [
+        "| reading | " + " | ".join(title for title, *_ in COLUMNS) + " |",
+        "|---" * (len(COLUMNS) + 1) + "|",
+    ]
+    for reading in READINGS:
+        file = folder / reading.name / "summary.json"
+        if file.exists():
+            values = json.loads(file.read_text())
+            cells = [
+                "-" if values[key] is None else format(values[key] * scale, form)
+                for _, key, scale, form in COLUMNS
+            ]
+            lines.append(f"| {reading.meaning} | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Run what is missing and write ``readings.md``."""
+    parser = ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("scene", type=Path, help="base scene: configs/impact.toml")
+    parser.add_argument("folder", type=Path, help="where the run folders go")
+    parser.add_argument("--only", nargs="*", choices=[r.name for r in READINGS], metavar="NAME")
+    parser.add_argument("--threads", type=int)
+    options = parser.parse_args()
+    options.folder.mkdir(parents=True, exist_ok=True)
+    extra = ["--threads", str(options.threads)] if options.threads else []
+    for reading in READINGS:
+        if not options.only or reading.name in options.only:
+            run(reading, options.scene, options.folder, extra)
+        (options.folder / "readings.md").write_text(table(options.folder))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,41 @@
+"""Taichi, started once a process, and the elastic block that most solver tests share."""
+
+from typing import TYPE_CHECKING
+
+import pytest
+from blocks import block_scene, restart
+from reference import Body
+
+from taichi_ldem import backend
+from taichi_ldem.scene import Solver
+
+if TYPE_CHECKING:
+    from taichi_ldem.simulation import Simulation
+
+
+@pytest.fixture(scope="session")
+def taichi() -> None:
+    """Taichi on the CPU in f64; modules with kernels are imported after it."""
+    backend.start(Solver(duration=1.0))
+
+
+@pytest.fixture(scope="session")
+def _elastic_block(taichi: None) -> "Simulation":
+    from taichi_ldem.simulation import Simulation
+
+    return Simulation(block_scene(5, 4, 3))
+
+
+@pytest.fixture
+def elastic(_elastic_block: "Simulation") -> "Simulation":
+    """A free elastic block of 5 x 4 x 3 modules, at rest."""
+    simulation = restart(_elastic_block)
+    simulation.time_step = 0.9 * simulation.critical_time_step
+    return simulation
+
+
+@pytest.fixture
+def body(elastic: "Simulation") -> Body:
+    """The same block, bar by bar."""
+    lattice = elastic.dynamics.lattice
+    return Body(lattice.mask, lattice.spacing, lattice.surface_weights)

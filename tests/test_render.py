@@ -1,0 +1,159 @@
+"""Pictures of the cracked plate: the surface that is drawn, the child process, the images."""
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from synthetic import synthetic_run
+
+from taichi_ldem import render
+from taichi_ldem.render import NO_DEVICE, exterior, render_run
+from taichi_ldem.store import Fields, RunFolder, hexahedral_mesh
+
+needs_vulkan = pytest.mark.skipif(
+    not render._vulkan_device(), reason="no Vulkan device: apt install mesa-vulkan-drivers"
+)
+
+
+def fields_of(mask: np.ndarray, broken: np.ndarray, displacement: float = 0.0) -> Fields:
+    points, hexahedra, _ = hexahedral_mesh(mask, 1.0, (0.0, 0.0, 0.0))
+    moved = np.full((len(points), 3), displacement, dtype=np.float32)
+    fraction = broken.astype(np.float32)
+    return Fields(points, hexahedra, moved, moved, fraction, 0.0, np.zeros(1))
+
+
+# --- surface --------------------------------------------------------------------------------------
+
+
+def test_one_module_shows_six_faces_with_outward_normals():
+    fields = fields_of(np.ones((1, 1, 1), dtype=bool), np.zeros(1), displacement=2.0)
+    surface = exterior(fields, np.ones(1, dtype=bool))
+    outward = surface.corners.mean(axis=1) - 2.5  # the middle of the displaced module
+    np.testing.assert_allclose(surface.normals, 2 * outward, atol=1e-12)
+    assert sorted(map(tuple, np.rint(2 * outward).astype(int))) == sorted(
+        [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)]
+    )
+    assert not surface.opened.any()
+
+
+def test_shared_faces_are_drawn_only_once_a_crack_opens_them():
+    mask = np.ones((1, 1, 3), dtype=bool)
+    part = np.ones(3, dtype=bool)
+    whole = exterior(fields_of(mask, np.zeros(3)), part)
+    assert len(whole.corners) == 14  # a 3 x 1 x 1 prism
+    cracked = exterior(fields_of(mask, np.array([0.1, render.GONE, 0.3])), part)
+    assert len(cracked.corners) == 12  # two separate modules
+    assert cracked.opened.sum() == 2
+    np.testing.assert_allclose(np.unique(cracked.broken), np.float32([0.1, 0.3]))
+
+
+def test_a_cut_face_is_not_taken_for_a_cracks_wall():
+    mask = np.ones((1, 2, 1), dtype=bool)
+    cut = exterior(fields_of(mask, np.zeros(2)), np.array([False, True]))
+    assert len(cut.corners) == 6
+    assert not cut.opened.any()
+
+
+@pytest.mark.parametrize(
+    ("view", "towards_eye", "right"),
+    [("below", (0, 0, -1), (-1, 0, 0)), ("cut", (0, -1, 0), (1, 0, 0))],
+)
+def test_views_look_where_they_say(view, towards_eye, right):
+    for panel in render._VIEWS[view](np.array((0.09, 0.09, 0.003))).panels:
+        np.testing.assert_allclose(panel.rotation[2], towards_eye, atol=1e-12)
+        np.testing.assert_allclose(panel.rotation[0], right, atol=1e-12)
+        np.testing.assert_allclose(panel.rotation @ panel.rotation.T, np.eye(3), atol=1e-12)
+
+
+# --- the caller's side ----------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def cracked(tmp_path_factory) -> RunFolder:
+    return synthetic_run(tmp_path_factory.mktemp("runs") / "cracked")
+
+
+@pytest.mark.parametrize(
+    ("times", "steps"),
+    [
+        (None, [1, 2]),  # the scene's image time 5 ms, and the end
+        ([0.0], [0]),
+        ([2.6e-3, 4.9e-3, 1.0], [1, 2]),  # fields are stored at 0, 5 and 10 ms
+        ([], []),
+    ],
+)
+def test_the_nearest_stored_steps_are_drawn_once(cracked, times, steps):
+    assert [step for step, _ in render._steps(cracked, times)] == steps
+
+
+def test_without_a_vulkan_device_one_line_says_how_to_get_one(cracked, monkeypatch, capsys):
+    for variable in ("VK_ICD_FILENAMES", "VK_DRIVER_FILES"):  # old and new name
+        monkeypatch.setenv(variable, "/nowhere/driver.json")
+    assert render_run(cracked, [0.0]) == []
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err == NO_DEVICE + "\n"
+    assert "mesa-vulkan-drivers" in err
+
+
+def test_a_child_that_dies_is_one_line(cracked, monkeypatch, capsys):
+    monkeypatch.setattr(render.sys, "executable", "/bin/false")
+    assert render_run(cracked, [0.0]) == []
+    err = capsys.readouterr().err
+    assert "code 1" in err
+    assert err.count("\n") == 1
+
+
+def test_a_child_that_hangs_is_ended(cracked, monkeypatch, capsys):
+    monkeypatch.setattr(render, "TIMEOUT_S", 0.05)
+    assert render_run(cracked, [0.0]) == []
+    assert "took more than" in capsys.readouterr().err
+
+
+# --- pictures -------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def pictures(cracked, tmp_path_factory) -> dict[str, np.ndarray]:
+    """Pictures at 10 ms, by folder and view."""
+    intact = synthetic_run(tmp_path_factory.mktemp("runs") / "intact", cracked=False)
+    working = tmp_path_factory.mktemp("working")
+    images = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(working)
+        for name, folder in (("cracked", cracked), ("intact", intact)):
+            for path in render_run(folder, [10e-3]):
+                images[f"{name} {path.name}"] = imread(path)[..., :3]
+    assert list(working.iterdir()) == []  # GGUI would leave its imgui.ini
+    return images
+
+
+@needs_vulkan
+def test_three_pictures_a_time_with_something_on_them(pictures):
+    names = [f"crack_10ms_{view}.png" for view in ("below", "above", "cut")]
+    assert list(pictures) == [f"{run} {name}" for run in ("cracked", "intact") for name in names]
+    for image in pictures.values():
+        assert image.shape == (1050, 1400, 3)
+        plate = (np.abs(image - 1.0) > 0.05).any(axis=2)
+        assert 0.1 < plate.mean() < 0.8
+
+
+@needs_vulkan
+def test_cracks_show(pictures):
+    for view in ("below", "above", "cut"):
+        name = f"crack_10ms_{view}.png"
+        differs = np.abs(pictures[f"cracked {name}"] - pictures[f"intact {name}"]).max(axis=2) > 0.1
+        assert differs.mean() > 0.005
+    # The key at the bottom aside, a whole plate has no colours but greys.
+    whole = pictures["intact crack_10ms_below.png"][:900]
+    assert np.ptp(whole, axis=2).max() < 0.1
+    assert np.ptp(pictures["cracked crack_10ms_below.png"][:900], axis=2).max() > 0.3
+
+
+@needs_vulkan
+def test_seen_from_below_plus_x_is_on_the_left(pictures):
+    # The synthetic crack along +x has no counterpart along -x.
+    image, whole = (pictures[f"{run} crack_10ms_below.png"] for run in ("cracked", "intact"))
+    differs = (np.abs(image - whole).max(axis=2) > 0.1)[400:620]  # rows around y = 0
+    row = differs[differs[:, 500:680].sum(axis=1).argmax()]
+    assert row[500:680].mean() > 0.9
+    assert not row[760:830].any()  # between the middle and the circular crack

@@ -1,0 +1,82 @@
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from blocks import PMMA, SPACING, block_scene, smooth_velocity
+from reference import Body
+
+from taichi_ldem import material as mat
+from taichi_ldem.scene import SceneError
+
+if TYPE_CHECKING:
+    from taichi_ldem.simulation import Simulation
+
+MODULE_MASS = PMMA["density"] * SPACING**3
+
+
+def _stiffness(nu: float = 0.25) -> tuple[float, float]:
+    return mat.axial_stiffness(PMMA["youngs_modulus"], nu, SPACING)
+
+
+def _highest_bulk_frequency(nu: float) -> float:
+    """Largest omega of the infinite lattice: Bloch waves of its two nodes, over the first zone."""
+    longitudinal, diagonal = _stiffness(nu)
+    edge, slant = longitudinal / SPACING, diagonal / (SPACING * np.sqrt(3) / 2)
+    corners = np.stack(np.meshgrid(*[[-0.5, 0.5]] * 3), -1).reshape(-1, 3)
+    unit = corners / np.sqrt(0.75)
+    highest = 0.0
+    for phase in np.stack(np.meshgrid(*[np.linspace(0, np.pi, 13)] * 3), -1).reshape(-1, 3):
+        matrix = np.zeros((6, 6), dtype=complex)
+        own = np.diag(2 * edge * (1 - np.cos(phase))) + slant * unit.T @ unit
+        cross = -slant * (np.exp(1j * corners @ phase)[:, None] * unit).T @ unit
+        matrix[:3, :3] = matrix[3:, 3:] = own
+        matrix[:3, 3:], matrix[3:, :3] = cross, cross.conj().T
+        highest = max(highest, np.linalg.eigvalsh(matrix)[-1])
+    return float(np.sqrt(highest / (0.5 * MODULE_MASS)))  # both nodes carry half a module
+
+
+def _highest_frequency(body: Body) -> float:
+    """Largest omega of a finite body, from its matrices."""
+    from scipy import sparse
+    from scipy.sparse.linalg import eigsh
+
+    root = sparse.diags(1 / np.sqrt(np.repeat(MODULE_MASS * body.mass_shares, 3)))
+    matrix = root @ body.stiffness_matrix(_stiffness()) @ root
+    return float(np.sqrt(eigsh(matrix, k=1, which="LA", return_eigenvectors=False)[0]))
+
+
+def test_the_critical_time_step_is_that_of_the_assembled_body(
+    elastic: "Simulation", body: Body
+) -> None:
+    exact = 2 / _highest_frequency(body)
+    assert elastic.critical_time_step == pytest.approx(exact, rel=1e-3)
+    # the light corners of a body ring faster than its bulk, by a seventh for nu = 0.25
+    assert 0.85 < elastic.critical_time_step * _highest_bulk_frequency(0.25) / 2 < 1
+
+
+@pytest.mark.parametrize(("share", "stable"), [(0.99, True), (1.05, False)])
+def test_stable_below_the_critical_step_and_not_above(
+    elastic: "Simulation", body: Body, share: float, stable: bool
+) -> None:
+    elastic.time_step = share * elastic.critical_time_step
+    noise = np.random.default_rng(5).normal(0.0, 1e-3, (len(body.places), 3))
+    velocity = smooth_velocity(body.places, 1.0) + noise
+    elastic.start_from(np.zeros((2, *elastic.dynamics.sites, 3)), body.spread(velocity))
+    start = elastic.sample_step().ledger
+    elastic.advance(1000)
+    ledger = elastic.sample_step().ledger
+    if stable:
+        assert ledger.error(start) < 0.01
+    else:
+        assert not ledger.error(start) < 1.0  # or not a number
+
+
+def test_too_large_a_time_step_is_refused_with_the_critical_one(
+    elastic: "Simulation", taichi: None
+) -> None:
+    from taichi_ldem.simulation import Simulation
+
+    chosen = 1.01 * elastic.critical_time_step
+    with pytest.raises(SceneError, match=r"solver\.time_step = .*critical") as refusal:
+        Simulation(block_scene(5, 4, 3, solver={"time_step": chosen}))
+    assert "\n" not in str(refusal.value)

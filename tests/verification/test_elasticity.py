@@ -1,0 +1,107 @@
+"""What solid the lattice is: stiffness of the bulk, and of a bar in tension."""
+
+import numpy as np
+import pytest
+from reference import Body
+from scipy import sparse
+from scipy.sparse.linalg import spsolve
+
+from taichi_ldem import material as mat
+from taichi_ldem.lattice import prism
+
+RATIOS = [0.1, 0.2, 0.25, 0.3, 0.4]
+AXIAL = np.diag([1.0, 0.0, 0.0])
+BIAXIAL = np.diag([1.0, 1.0, 0.0])
+SHEAR = np.array([[0.0, 0.5, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, 0.0]])
+
+
+def _bulk_energy(strain: np.ndarray, stiffness: tuple[float, float]) -> float:
+    """Energy per module of the infinite lattice in a uniform strain.
+
+    The energy of a block of n^3 modules is a cubic in n (bulk, faces, edges, corners), so its third
+    difference is 3! times the bulk's, exactly.
+    """
+    energies = []
+    for n in (1, 2, 3, 4):
+        body = Body(prism(n, n, n))
+        along = body.rest / body.lengths[:, None]
+        stretch = np.einsum("bi,ij,bj->b", along, strain, along)
+        energies.append(
+            np.sum(0.5 * body.weights * body.per_bar(*stiffness) * body.lengths * stretch**2)
+        )
+    return float(np.diff(energies, 3)[0]) / 6
+
+
+@pytest.mark.parametrize("variant", ["equation-2", "as-printed"])
+@pytest.mark.parametrize("nu", RATIOS)
+def test_elastic_constants_of_the_bulk(nu: float, variant: str) -> None:
+    stiffness = mat.axial_stiffness(1.0, nu, 1.0, variant)
+    c11 = 2 * _bulk_energy(AXIAL, stiffness)
+    c12 = _bulk_energy(BIAXIAL, stiffness) - c11
+    c44 = 2 * _bulk_energy(SHEAR, stiffness)
+    expected = mat.elastic_constants(1.0, nu, variant)
+    np.testing.assert_allclose((c11, c12, c44), expected, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("nu", RATIOS)
+def test_normal_stiffness_is_that_of_the_isotropic_solid_for_any_poisson_ratio(nu: float) -> None:
+    c11, c12, _ = mat.elastic_constants(1.0, nu)
+    lame = nu / ((1 + nu) * (1 - 2 * nu))  # Hooke's law with E = 1
+    assert c12 == pytest.approx(lame, rel=1e-13)
+    assert c11 == pytest.approx(lame + 1 / (1 + nu), rel=1e-13)
+
+
+def test_a_quarter_gives_the_isotropic_solid_and_only_with_equation_2() -> None:
+    assert mat.elastic_constants(1.0, 0.25) == pytest.approx((1.2, 0.4, 0.4), rel=1e-14)
+    c11, c12, c44 = mat.elastic_constants(1.0, 0.25, "as-printed")
+    assert (c12, c44) == pytest.approx((0.16, 0.16), rel=1e-14)
+    assert 2 * c44 / (c11 - c12) == pytest.approx(0.4, rel=1e-12)  # isotropic would be one
+
+
+def _tension(width: int, stiffness: tuple[float, float]) -> tuple[float, float]:
+    """E and nu of an infinite prism of width x width modules along x, by a static solve.
+
+    One slice of modules with periodic ends: strain one along x, lateral faces free.
+    """
+    body = Body(prism(3, width, width))
+    first = body.places[body.ends].min(axis=1)[:, 0]
+    slice_ = (first >= 2) & (first < 4)
+    ends, along = body.ends[slice_], (body.rest / body.lengths[:, None])[slice_]
+    section = body.places * [0, 1, 1] + [1, 0, 0] * (body.places % 2)
+    nodes, fold = np.unique(section, axis=0, return_inverse=True)
+    offset = 0.5 * (body.places - section)[:, 0]  # in whole modules along x
+    rows = np.repeat(np.arange(len(ends)), 3)
+
+    def operator(end: int) -> sparse.csr_matrix:
+        columns = (3 * fold[ends[:, end]][:, None] + np.arange(3)).ravel()
+        return sparse.csr_matrix(
+            (along.ravel(), (rows, columns)), shape=(len(ends), 3 * len(nodes))
+        )
+
+    stretch = operator(1) - operator(0)
+    given = along[:, 0] * (offset[ends[:, 1]] - offset[ends[:, 0]])
+    springs = sparse.diags((body.weights * body.per_bar(*stiffness) / body.lengths)[slice_])
+    matrix, load = (stretch.T @ springs @ stretch).tocsc(), -(stretch.T @ springs @ given)
+    at = {tuple(p): n for n, p in enumerate(nodes.tolist())}
+    origin, aside = at[0, 0, 0], at[0, 2 * width, 0]
+    held = [3 * origin, 3 * origin + 1, 3 * origin + 2, 3 * aside + 2]  # rigid motions
+    free = np.setdiff1d(np.arange(3 * len(nodes)), held)
+    moved = np.zeros(3 * len(nodes))
+    moved[free] = spsolve(matrix[free][:, free], load[free])
+    energy = 0.5 * np.sum(springs.diagonal() * (stretch @ moved + given) ** 2)
+    left, right = (
+        np.mean([moved[3 * n + 1] for p, n in at.items() if p[:2] == (0, side)])
+        for side in (0, 2 * width)
+    )
+    return 2 * float(energy) / width**2, -float(right - left) / width
+
+
+@pytest.mark.parametrize("nu", [0.2, 0.25, 0.3])
+def test_a_bar_in_tension_has_young_s_modulus_and_poisson_s_ratio(nu: float) -> None:
+    stiffness = mat.axial_stiffness(1.0, nu, 1.0)
+    coarse, fine = (np.array(_tension(n, stiffness)) for n in (10, 20))
+    # a free face costs a layer of given depth, so the error is of first order in 1/width
+    modulus, ratio = 2 * fine - coarse
+    assert modulus == pytest.approx(1.0, rel=1e-4)
+    assert ratio == pytest.approx(nu, abs=1e-3)
+    assert 0.98 < fine[0] < 1.0
