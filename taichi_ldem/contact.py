@@ -129,7 +129,7 @@ class RigidBody:
         return chosen
 
     @ti.func
-    def put(self, number, s, k, j, i, now, time_step, displacement):
+    def put(self, number, s, k, j, i, now, time_step, damping, displacement):
         """Move a node to a displacement (f64), return impulse and its works (z, before, after)."""
         old = ti.cast(self.dynamics.displacement[now, s, k, j, i], ti.f64)
         free = ti.cast(self.dynamics.velocity[s, k, j, i], ti.f64)
@@ -138,6 +138,12 @@ class RigidBody:
         self.dynamics.displacement[1 - now, s, k, j, i] = ti.cast(displacement, float)
         self.dynamics.velocity[s, k, j, i] = ti.cast(velocity, float)
         before = ti.cast(self.before[number], ti.f64)
+        if ti.static(self.dynamics.features.damping):
+            # what it loses by damping was booked for its free flight: take the way it really goes
+            drag = 0.5 * damping * self.node_mass(s, k, j, i) * ti.cast(before + free, float)
+            self.dynamics.damped[s, k, j, i] += drag.dot(
+                ti.cast(0.5 * time_step * (velocity - free), float)
+            )
         return vec3d(impulse.z, 0.5 * impulse.dot(before), 0.5 * impulse.dot(velocity))
 
     @ti.func
@@ -250,7 +256,7 @@ class Striker(RigidBody):
         return self.state[VELOCITY] + ti.cast(time_step, ti.f64) * self.gravity
 
     @ti.func
-    def resolve(self, now, spacing, time_step):
+    def resolve(self, now, spacing, time_step, damping):
         """Put penetrating nodes on the surface and stop the striker by as much."""
         dt = ti.cast(time_step, ti.f64)
         for chunk in range(self.chunks()):
@@ -278,7 +284,9 @@ class Striker(RigidBody):
                 depth, normal = self.overlap(number, now, spacing, flight)
                 if depth > 0:
                     moved = ti.cast(self.dynamics.displacement[1 - now, s, k, j, i], ti.f64)
-                    works += self.put(number, s, k, j, i, now, time_step, moved + depth * normal)
+                    works += self.put(
+                        number, s, k, j, i, now, time_step, damping, moved + depth * normal
+                    )
                 self.before[number] = self.dynamics.velocity[s, k, j, i]
             self.chunk_sums[chunk] = ti.Vector([works[0], works[1], works[2], 0.0], ti.f64)
         for _ in range(1):
@@ -367,7 +375,7 @@ class Rings(RigidBody):
         return held, old
 
     @ti.func
-    def resolve(self, now, spacing, time_step):
+    def resolve(self, now, spacing, time_step, damping):
         """Hold the nodes that press against a ring, or the fixed ones, where they were."""
         for chunk in range(self.chunks()):
             works = vec3d(0.0, 0.0, 0.0)
@@ -377,7 +385,7 @@ class Rings(RigidBody):
                 if ti.static(self.moving):
                     held, target = self.held_at(s, k, j, i, now, spacing)
                 if held:
-                    works += self.put(number, s, k, j, i, now, time_step, target)
+                    works += self.put(number, s, k, j, i, now, time_step, damping, target)
                 self.before[number] = self.dynamics.velocity[s, k, j, i]
             self.chunk_sums[chunk] = ti.Vector([works[0], works[1], works[2], 0.0], ti.f64)
         for _ in range(1):

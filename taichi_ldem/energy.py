@@ -126,9 +126,12 @@ class EnergySums:
                             s, now, k, j, i, spacing, time_step, damping
                         )
                         mass = self.dynamics.mass[int(self.dynamics.code[k, j, i])][s]
-                        total[0] += 0.5 * mass * self.dynamics.velocity[s, k, j, i].dot(after)
+                        before = self.dynamics.velocity[s, k, j, i]
+                        total[0] += 0.5 * mass * before.dot(after)
                         if ti.static(self.dynamics.features.damping):
-                            total[1] += self.dynamics.damped[s, k, j, i]
+                            # of this step's work the half done before t_n
+                            half = 0.25 * damping * time_step * mass * (before + after).dot(before)
+                            total[1] += self.dynamics.damped[s, k, j, i] + half
             for n in ti.static(range(2)):
                 self.rows[row][KINETIC + n] = total[n]
 

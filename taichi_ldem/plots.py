@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_ldem.scene import Scene, load_scene
+from taichi_ldem.signals import SMOOTHING_WINDOW, smooth_force
 from taichi_ldem.store import RunFolder, read_broken_bars, read_times
 
 if TYPE_CHECKING:
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 
 Series = NDArray[np.float64]
 
-FORCE_WINDOW_S = 0.2e-3  # moving average of the force in figures
 _MS = 1e3
 _MM = 1e3
 _STYLE: dict[Any, Any] = {
@@ -113,27 +113,39 @@ def _has_cracks(run: _Run) -> bool:
 def _draw_force(figure: Figure, run: _Run) -> None:
     axes = figure.add_subplot(xlabel="time [ms]", ylabel="force [N]")
     time, force = run.history["time_s"], run.history["striker_force_n"]
-    smooth = _smooth_force(time, force, FORCE_WINDOW_S)
-    average = f"mean over {_MS * FORCE_WINDOW_S:g} ms"
+    smooth = smooth_force(time, force)
+    average = f"mean over {_MS * SMOOTHING_WINDOW:g} ms"
     axes.plot(run.time_ms, force, color="0.75", linewidth=0.6, label="striker, as sampled")
     axes.plot(run.time_ms, smooth, color="C0", linewidth=2.4, label=f"striker, {average}")
+    lowest = min(0.0, force.min())
     if "ring_force_n" in run.history:
-        ring = _smooth_force(time, run.history["ring_force_n"], FORCE_WINDOW_S)
+        ring = smooth_force(time, run.history["ring_force_n"])
         axes.plot(run.time_ms, ring, color="C2", linewidth=1.0, label=f"rings, {average}")
-    for name, peak, at in (
-        ("$P_1$", run.number("first_peak_force_n"), run.number("first_peak_time_s")),
-        ("$P_2$", run.number("second_peak_force_n"), run.number("failure_time_s")),
-    ):
-        if peak is not None and at is not None:
-            axes.plot(_MS * at, peak, "o", color="C0", markeredgecolor="white", markersize=9)
-            label = f"{name} = {peak:.0f} N"
-            axes.annotate(label, (_MS * at, peak), (6, 10), textcoords="offset points")
-    top = 1.25 * max(smooth.max(), _P2_N[1] if run.is_papers_test else 0.0)
+        lowest = min(lowest, ring.min())
+    _mark_peaks(axes, run)
     _mark_times(axes, run)
     if run.is_papers_test:
         _mark_papers_force(axes)
-    _keep_in_view(axes, force, top)
+    # Single samples may run out of the picture rather than flatten the curve; a note tells.
+    top = 1.25 * max(smooth.max(), _P2_N[1] if run.is_papers_test else 1e-9)
+    bottom = max(1.05 * lowest, -0.15 * top)
+    axes.set_ylim(bottom, top)
+    if force.max() > top or force.min() < bottom:
+        note = f"samples reach from {force.min():.0f} to {force.max():.0f} N"
+        axes.text(0.99, 0.02, note, transform=axes.transAxes, ha="right", color="0.5", fontsize=11)
     _finish(figure, run)
+
+
+def _mark_peaks(axes: Axes, run: _Run) -> None:
+    paper = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
+    for name, peak, at in (
+        ("$P_1$", run.number("first_peak_force_n"), run.number("first_peak_time_s")),
+        ("$P_2$", run.number("second_peak_force_n"), run.number("second_peak_time_s")),
+    ):
+        if peak is not None and at is not None:
+            place, label = (_MS * at, peak), f"{name} = {peak:.0f} N"
+            axes.plot(*place, "o", color="C0", markeredgecolor="white", markersize=9)
+            axes.annotate(label, place, (8, 12), textcoords="offset points", bbox=paper, zorder=5)
 
 
 def _mark_papers_force(axes: Axes) -> None:
@@ -147,15 +159,6 @@ def _mark_papers_force(axes: Axes) -> None:
     axes.add_patch(Rectangle(corner, *sides, color="C3", alpha=0.15, linewidth=0, label=second))
     label = f"paper's LDEM, $t_2$ ~ {_MS * _T2_LDEM_S:g} ms"
     axes.axvline(_MS * _T2_LDEM_S, color="C3", linestyle="--", linewidth=1.2, label=label)
-
-
-def _keep_in_view(axes: Axes, raw: Series, top: float) -> None:
-    """Let single samples run out of the picture rather than flatten the curve, and say so."""
-    floor = -0.1 * top
-    axes.set_ylim(max(floor, min(0.0, 1.05 * raw.min())), top)
-    if raw.max() > top or raw.min() < floor:
-        note = f"samples reach from {raw.min():.0f} to {raw.max():.0f} N"
-        axes.text(0.99, 0.02, note, transform=axes.transAxes, ha="right", color="0.5", fontsize=11)
 
 
 def _draw_velocity(figure: Figure, run: _Run) -> None:
@@ -185,14 +188,6 @@ def _draw_energy(figure: Figure, run: _Run) -> None:
     lower.set_ylabel("|error| [-]")
     lower.set_xlabel("time [ms]")
     _finish(figure, run)
-
-
-def _smooth_force(time: Series, force: Series, window: float) -> Series:
-    from scipy.ndimage import uniform_filter1d
-
-    samples = max(1, round(window / (time[1] - time[0])))
-    smooth: Series = uniform_filter1d(force, samples)
-    return smooth
 
 
 def _energies(history: Mapping[str, Series]) -> Iterator[tuple[str, Series, str]]:

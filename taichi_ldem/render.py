@@ -3,7 +3,7 @@
 Drawing happens in a child process, in a temporary working directory: a Vulkan driver that aborts
 takes only the child with it, and GGUI's settings file does not land in the user's directory.  The
 plate is the exterior of its modules at true scale, coloured by the share of a module's bars that
-have failed; modules that are cut in two are left out, so that cracks read as gaps.
+have failed; modules that are cut in two or torn are left out, so that cracks read as gaps.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,6 +42,9 @@ _EXIT_NO_DEVICE = 3
 # Share of failed bars from which a module is not drawn.  A plane between two layers of nodes cuts
 # four edges and four diagonals of a module, 8 of its 20 bars: that module is cut in two.
 GONE = 0.4
+# A corner whose bars have all failed may fly off on its own; a module that a corner has left by
+# this multiple of half a diagonal is not drawn either, it would be a spike through the picture.
+_TORN = 1.5
 _SIZE_PX = (1400, 1050)
 _SUPERSAMPLING = 2  # GGUI has no anti-aliasing
 
@@ -155,13 +159,23 @@ class Surface:
     opened: NDArray[np.bool_]
 
 
+def _holding(fields: Fields) -> NDArray[np.bool_]:
+    """Modules (C,) that are neither cut in two nor torn."""
+    corners = (fields.points + fields.displacement)[fields.hexahedra]
+    spread = np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2).max(axis=1)
+    first = fields.points[fields.hexahedra[0]]
+    half_diagonal = np.linalg.norm(first[6] - first[0]) / 2
+    # NaN, too, is not drawn.
+    return (fields.broken_fraction < GONE) & (spread < _TORN * half_diagonal)
+
+
 def exterior(fields: Fields, part: NDArray[np.bool_]) -> Surface:
-    """Bare faces of the modules of a part (C,) of the plate, without those that are `GONE`."""
+    """Bare faces of the modules of a part (C,) of the plate, cut and torn ones left out."""
     base = fields.points[fields.hexahedra[:, 0]]
     edge = np.linalg.norm(fields.points[fields.hexahedra[0, 1]] - base[0])
     # One empty layer all around: no module at the rim needs a case of its own.
     site = np.rint((base - base.min(axis=0)) / edge).astype(np.int64) + 1
-    drawn = part & (fields.broken_fraction < GONE)
+    drawn = part & _holding(fields)
     taken, filled = np.zeros((2, *(site.max(axis=0) + 2)), dtype=bool)
     taken[tuple(site[part].T)] = True
     filled[tuple(site[drawn].T)] = True
@@ -272,6 +286,23 @@ def _vulkan_device() -> bool:
     return not failed and count.value > 0
 
 
+def _clear_texture_coordinates() -> None:
+    """Have GGUI start from zeroed vertices.
+
+    Taichi 1.7 leaves the texture coordinates of a mesh as it finds them in memory; where they are
+    NaN, the whole mesh is missing from the picture.
+    """
+    scene = import_module("taichi.ui.scene")
+    uncleared = scene.get_vbo_field_v2
+
+    def cleared(vertices: Any) -> Any:
+        buffer = uncleared(vertices)
+        buffer.fill(0.0)
+        return buffer
+
+    scene.get_vbo_field_v2 = cleared  # type: ignore[attr-defined]
+
+
 class _Painter:
     """An invisible GGUI window that turns triangles into images."""
 
@@ -279,11 +310,12 @@ class _Painter:
         import taichi as ti
 
         ti.init(arch=ti.cpu, log_level=ti.ERROR)
+        _clear_texture_coordinates()
         self._ti = ti
         self._size = round(_HEIGHT * _SIZE_PX[1]), round(_WIDTH * _SIZE_PX[0])
         height, width = (_SUPERSAMPLING * side for side in self._size)
         self._window = ti.ui.Window("plate", (width, height), show_window=False)
-        self._fields: list[tuple[Any, Any]] = []
+        self._fields: tuple[Any, Any] | None = None
 
     def paint(self, triangles: FloatArray, colours: FloatArray, aspect: float) -> FloatArray:
         """An image (rows, columns, 3) from triangles in the panel's coordinates.
@@ -297,6 +329,7 @@ class _Painter:
             (places, triangles.reshape(-1, 3)),
             (shades, colours.repeat(3, axis=0)),
         ):
+            # what is left over makes empty triangles
             padded = np.zeros((field.shape[0], 3), dtype=np.float32)
             padded[: len(rows)] = rows
             field.from_numpy(padded)
@@ -333,23 +366,23 @@ class _Painter:
         return camera
 
     def _buffers(self, vertices: int) -> tuple[Any, Any]:
-        """Fields of places and colours with room for `vertices`; the rest is empty triangles.
+        """Fields of places and colours with room for `vertices`.
 
-        Fields are never freed, so they are used again.  Those outgrown are kept all the same: a
-        kernel knows a field by its identity, which a new one could take over with the kernel.
+        Taichi never frees a field, so the same ones serve all pictures while they are large enough.
         """
-        if not self._fields or vertices > self._fields[-1][0].shape[0]:
-            room = max(3, 4 * vertices // 3)
-            make = self._ti.Vector.field
-            self._fields.append((make(3, self._ti.f32, room), make(3, self._ti.f32, room)))
-        return self._fields[-1]
+        if not self._fields or vertices > self._fields[0].shape[0]:
+            room, make = max(3, 4 * vertices // 3), self._ti.Vector.field
+            self._fields = (make(3, self._ti.f32, room), make(3, self._ti.f32, room))
+        return self._fields
 
 
 def _draw_step(painter: _Painter, folder: RunFolder, step: int) -> None:
     fields = read_fields(folder.fields_file, step)
     lower, upper = fields.points.min(axis=0), fields.points.max(axis=0)
     everything = np.ones(len(fields.hexahedra), dtype=bool)
-    far_half = fields.points[fields.hexahedra].mean(axis=1)[:, 1] > (lower[1] + upper[1]) / 2
+    # With an odd number of modules across, the row in the middle stays whole.
+    middle = (lower[1] + upper[1]) / 2 - 1e-6 * (upper[1] - lower[1])
+    far_half = fields.points[fields.hexahedra].mean(axis=1)[:, 1] > middle
     for name, picture in zip(_VIEWS, _pictures(folder, (step, fields.time)), strict=True):
         view = _VIEWS[name](upper - lower)
         surface = exterior(fields, far_half if view.cut else everything)
@@ -377,7 +410,7 @@ def _centre(fields: Fields, panel: _Panel) -> FloatArray:
     middle: FloatArray = (fields.points.min(axis=0) + fields.points.max(axis=0)) / 2
     shown = np.abs(fields.points[:, 0] - middle[0]) < panel.span / 2
     height = (fields.points[:, 2] + fields.displacement[:, 2])[shown]
-    middle[2] = np.quantile(height, (0.005, 0.995)).mean()  # loose fragments may be anywhere
+    middle[2] = np.nanquantile(height, (0.005, 0.995)).mean()  # loose fragments may be anywhere
     return middle
 
 

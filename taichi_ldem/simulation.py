@@ -19,7 +19,7 @@ from taichi_ldem.scene import Scene, SceneError
 WARN_ERROR, STOP_ERROR = 0.01, 0.05
 """Energy errors at which a run warns and stops."""
 
-STEPS_BETWEEN_LISTS = 32
+STEPS_BETWEEN_LISTS = 64
 """Steps between two listings of the nodes near a rigid body."""
 
 
@@ -161,9 +161,9 @@ class Simulation:
     def _move(self, now: int, spacing: float, time_step: float, damping: float):
         self.dynamics.move_nodes(now, spacing, time_step, damping)
         if ti.static(self.has_rings):
-            self.rings.resolve(now, spacing, time_step)  # type: ignore[union-attr]
+            self.rings.resolve(now, spacing, time_step, damping)  # type: ignore[union-attr]
         if ti.static(self.has_striker):
-            self.striker.resolve(now, spacing, time_step)  # type: ignore[union-attr]
+            self.striker.resolve(now, spacing, time_step, damping)  # type: ignore[union-attr]
 
     def _forces(self) -> None:
         if self.step_number % STEPS_BETWEEN_LISTS == 0:

@@ -3,8 +3,11 @@
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from reference import Body
 
-from taichi_ldem.scene import Scene, parse_scene
+from taichi_ldem import material as mat
+from taichi_ldem.lattice import Lattice, prism
+from taichi_ldem.scene import Material, Scene, parse_scene
 
 if TYPE_CHECKING:
     from taichi_ldem.simulation import Simulation
@@ -48,3 +51,54 @@ def smooth_velocity(places: np.ndarray, speed: float) -> np.ndarray:
     span = np.ptp(places, axis=0)
     x, y, z = (np.pi * (places - places.min(axis=0)) / span).T
     return speed * np.stack([np.cos(x), np.cos(x) * np.sin(y), np.cos(x + z)], axis=1)
+
+
+class Breakable:
+    """A block whose nodes are placed by hand, to see what its bars carry and dissipate.
+
+    Attributes:
+        bars: families now in use. body: the block, bar by bar. peak: (bars,) peak strain, by hand.
+    """
+
+    spacing = 0.3e-3  # K_r of 2.3 and 2.7
+
+    def __init__(self, law: str):
+        from taichi_ldem.dynamics import Dynamics, Features
+        from taichi_ldem.energy import EnergySums
+
+        lattice = Lattice(prism(3, 3, 3), self.spacing)
+        self.law = law
+        self.bars = mat.bar_families(Material(**PMMA | DAMAGE), self.spacing)
+        self.dynamics = Dynamics(lattice, self.bars, PMMA["density"], Features(law=law))
+        self.sums = EnergySums(self.dynamics)
+        self.body = Body(lattice.mask, self.spacing)
+
+    def renew(self, **material: Any) -> "Breakable":
+        """Make all bars whole, of a material that differs from PMMA in what is given."""
+        self.bars = mat.bar_families(Material(**PMMA | DAMAGE | material), self.spacing)
+        self.dynamics.set_bars(self.bars)
+        for name in ("peak", "touched", "recorded"):
+            getattr(self.dynamics, name).fill(0)
+        return self
+
+    def put(self, displacement: np.ndarray) -> None:
+        """Place the nodes, (nodes, 3) m, and update the bars."""
+        self.dynamics.set_displacement(0, self.body.spread(displacement))
+        self.dynamics.forces(0, self.spacing, self.dynamics.peak_strain)
+
+    def pulls(self) -> np.ndarray:
+        """(bars,) axial forces over current length, N/m."""
+        axial = self.dynamics.axial.to_numpy()
+        return self.body.bar_values(axial, self.dynamics.lattice.bar_midpoints)
+
+    def node_forces(self) -> np.ndarray:
+        """(nodes, 3) N."""
+        force = np.zeros((2, *self.dynamics.sites, 3))
+        self.dynamics.get_force(0, self.spacing, force)
+        return force[self.body.index]
+
+    def energies(self) -> tuple[float, float, int]:
+        """Strain and dissipated energy (J), broken bars."""
+        self.sums.potential(0)
+        strain, fracture, broken, *_ = self.sums.total()
+        return float(strain), float(fracture), int(broken)

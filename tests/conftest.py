@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 import pytest
-from blocks import block_scene, restart
+from blocks import Breakable, block_scene, restart
 from reference import Body
 
 from taichi_ldem import backend
@@ -23,12 +23,12 @@ def taichi() -> None:
 def _elastic_block(taichi: None) -> "Simulation":
     from taichi_ldem.simulation import Simulation
 
-    return Simulation(block_scene(5, 4, 3))
+    return Simulation(block_scene(20, 3, 2))
 
 
 @pytest.fixture
 def elastic(_elastic_block: "Simulation") -> "Simulation":
-    """A free elastic block of 5 x 4 x 3 modules, at rest."""
+    """A free elastic block of 20 x 3 x 2 modules, at rest."""
     simulation = restart(_elastic_block)
     simulation.time_step = 0.9 * simulation.critical_time_step
     return simulation
@@ -39,3 +39,9 @@ def body(elastic: "Simulation") -> Body:
     """The same block, bar by bar."""
     lattice = elastic.dynamics.lattice
     return Body(lattice.mask, lattice.spacing, lattice.surface_weights)
+
+
+@pytest.fixture(scope="session", params=["bilinear", "exponential"])
+def breakable(taichi: None, request: pytest.FixtureRequest) -> Breakable:
+    """A block of 3 x 3 x 3 modules whose nodes are put where a test wants them, for both laws."""
+    return Breakable(request.param)

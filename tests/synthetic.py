@@ -78,6 +78,7 @@ def synthetic_run(path: Path, *, layers: int = 2, cracked: bool = True) -> RunFo
                 "first_peak_force_n": 605.0,
                 "first_peak_time_s": 1.8e-3,
                 "second_peak_force_n": 750.0,
+                "second_peak_time_s": 7.4e-3,
                 "failure_time_s": FAILURE,
                 "damage_onset_time_s": 1.4e-3,
                 "broken_bars": 14 * len(dead),

@@ -46,6 +46,15 @@ def test_shared_faces_are_drawn_only_once_a_crack_opens_them():
     np.testing.assert_allclose(np.unique(cracked.broken), np.float32([0.1, 0.3]))
 
 
+def test_a_module_that_a_corner_has_left_is_not_drawn():
+    fields = fields_of(np.ones((1, 1, 2), dtype=bool), np.zeros(2))
+    fields.displacement[fields.hexahedra[1, 6]] = 9.0  # a corner of the second module only
+    surface = exterior(fields, np.ones(2, dtype=bool))
+    assert len(surface.corners) == 6
+    assert surface.corners.max() <= 1.0
+    assert surface.opened.sum() == 1
+
+
 def test_a_cut_face_is_not_taken_for_a_cracks_wall():
     mask = np.ones((1, 2, 1), dtype=bool)
     cut = exterior(fields_of(mask, np.zeros(2)), np.array([False, True]))

@@ -125,7 +125,8 @@ def run(scene: Scene, out: Path, *, force: bool = False, quiet: bool = False) ->
     RunFolder.check(out, force=force)
     started = time.perf_counter()
     backend.start(scene.solver)
-    from taichi_ldem.simulation import Simulation
+    from taichi_ldem.contact import TooManyNodes
+    from taichi_ldem.simulation import Simulation, SimulationStopped
 
     simulation = Simulation(scene)
     expected = simulation.measure_step() * simulation.steps
@@ -142,11 +143,13 @@ def run(scene: Scene, out: Path, *, force: bool = False, quiet: bool = False) ->
     except KeyboardInterrupt:
         code = INTERRUPTED
         print(f"interrupted at t = {simulation.time:.6g} s; kept in {out}", file=sys.stderr)
-    except RuntimeError as error:  # the guard's, or a full list of contact candidates
+    except (SimulationStopped, TooManyNodes) as error:
         code = STOPPED
         print(f"stopped: {error}", file=sys.stderr)
     wall = time.perf_counter() - begun
     if code == 0:
+        if scene.striker is not None and not any(r["striker_force_n"] for r in history):
+            print("warning: the striker never touched the plate (striker.gap?)", file=sys.stderr)
         folder.write_summary(summary(simulation, history, wall, compiled))
     _pictures(console, folder, scene, code)
     console.print(f"{wall:.1f} s of stepping, {compiled:.1f} s of setup; results in {out}")
@@ -178,6 +181,8 @@ def _step_through(
     fields: FieldOutput,
     history: list[dict[str, Any]],
 ) -> None:
+    from taichi_ldem.simulation import WARN_ERROR
+
     names = columns(simulation.scene)
     warned = False
     with (
@@ -190,7 +195,7 @@ def _step_through(
             history.append(values | {"energy_error_of_plate": sample.energy_error_of_plate})
             fields.take(sample)
             tell(sample)
-            if sample.energy_error > 0.01 and not warned:
+            if sample.energy_error > WARN_ERROR and not warned:
                 warned = True
                 print(
                     f"warning: energy error above 1 % at t = {sample.time:.6g} s", file=sys.stderr

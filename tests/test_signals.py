@@ -1,0 +1,84 @@
+import numpy as np
+import pytest
+
+from taichi_ldem.signals import ForcePeaks, damage_onset, force_peaks, smooth_force
+
+TIME = np.arange(0.0, 10e-3, 1e-5)  # s, the default sampling
+ONSET = 1.0e-3
+
+
+def _record(*corners: tuple[float, float]) -> np.ndarray:
+    """A force of straight lines between (ms, N)."""
+    at, force = np.array(corners).T
+    return np.interp(TIME, 1e-3 * at, force)
+
+
+# a hump, a valley a quarter deep, a higher one, failure; the tops are wider than the filter
+TWO_PEAKS = (0, 0), (1.5, 600), (2.0, 600), (2.5, 450), (6.0, 750), (6.5, 750), (6.6, 100), (10, 90)
+
+
+def test_the_filter_keeps_straight_lines_and_the_ends() -> None:
+    line = 300.0 + 2e5 * TIME
+    np.testing.assert_allclose(smooth_force(TIME, line), line, rtol=1e-10)
+    assert smooth_force(TIME[:1], np.array([3.0]))[0] == 3.0
+
+
+def test_the_filter_averages_a_fifth_of_a_millisecond() -> None:
+    omega = 2 * np.pi * 2500.0
+    smooth = smooth_force(TIME, np.sin(omega * TIME))
+    # mean of 21 samples of a sine: sin(21 x / 2) / (21 sin(x / 2)), and no shift in time
+    x = omega * 1e-5
+    gain = np.sin(21 * x / 2) / (21 * np.sin(x / 2))
+    inner = slice(10, -10)
+    np.testing.assert_allclose(smooth[inner], gain * np.sin(omega * TIME)[inner], atol=1e-11)
+
+
+def test_onset_is_a_thousandth_of_a_crack_through_the_thickness() -> None:
+    fracture = 1e-3 * np.maximum(0.0, TIME - 2e-3)  # W = 1 mW from 2 ms on
+    # 1e-3 x 1034 J/m2 x (1 mm)^2 = 1.034e-6 J is passed 1.034 ms later
+    assert damage_onset(TIME, fracture, 1034.0, 1e-3) == pytest.approx(3.04e-3, abs=1e-9)
+    assert damage_onset(TIME, 0 * fracture, 1034.0, 1e-3) is None
+
+
+def test_two_peaks_and_failure() -> None:
+    peaks = force_peaks(TIME, _record(*TWO_PEAKS), ONSET)
+    assert peaks.first_force == pytest.approx(600.0, rel=1e-10)
+    assert 1.59e-3 <= peaks.first_time <= 1.91e-3  # on the top, a filter's half width inside
+    assert peaks.second_force == pytest.approx(750.0, rel=1e-10)
+    assert 6.09e-3 <= peaks.second_time <= 6.41e-3
+    # the average is half of 750 where the window holds 0.2 ms of a fall of 650 N in 0.1 ms:
+    # x = t - 6.5 ms: 750 (0.1 - x) + 425 0.1 + 100 x = 0.2 x 375, so x = 0.0654 (ms)
+    assert peaks.failure_time == pytest.approx(6.57e-3, abs=1.5e-5)
+
+
+def test_noise_and_an_inertial_peak_before_onset_change_nothing() -> None:
+    noise = 60.0 * np.sin(2 * np.pi * 20e3 * TIME)
+    inertial = 500.0 * np.exp(-(((TIME - 0.5e-3) / 0.1e-3) ** 2))
+    plain = force_peaks(TIME, _record(*TWO_PEAKS), ONSET)
+    noisy = force_peaks(TIME, _record(*TWO_PEAKS) + noise + inertial, ONSET)
+    assert noisy.first_force == pytest.approx(plain.first_force, rel=0.02)
+    assert noisy.second_force == pytest.approx(plain.second_force, rel=0.02)
+    assert noisy.failure_time == pytest.approx(plain.failure_time, abs=2e-5)
+
+
+def test_a_fall_of_less_than_three_percent_is_no_peak() -> None:
+    shallow = _record((0, 0), (1.5, 600), (2, 600), (2.5, 585), (6, 750), (6.5, 750), (6.6, 50))
+    peaks = force_peaks(TIME, shallow, ONSET)
+    assert peaks.first_force == pytest.approx(750.0, rel=1e-10)
+    assert peaks.second_force is None
+    assert peaks.failure_time == pytest.approx(6.57e-3, abs=2e-5)
+
+
+def test_what_a_record_does_not_show_is_none() -> None:
+    rising = _record((0, 0), (10, 900))
+    assert force_peaks(TIME, rising, ONSET) == ForcePeaks()
+    assert force_peaks(TIME, _record(*TWO_PEAKS), None) == ForcePeaks()
+    cut = TIME < 5e-3  # ends before the plate fails
+    peaks = force_peaks(TIME[cut], _record(*TWO_PEAKS)[cut], ONSET)
+    assert peaks.first_force == pytest.approx(600.0, rel=1e-10)
+    assert peaks.failure_time is None
+
+
+def test_a_force_that_comes_back_has_not_failed() -> None:
+    back = _record(*TWO_PEAKS[:-1], (7.5, 100), (8, 500), (8.5, 500), (8.6, 20), (10, 20))
+    assert force_peaks(TIME, back, ONSET).failure_time == pytest.approx(8.55e-3, abs=5e-5)
