@@ -17,6 +17,7 @@ so that the ledger is exact at the sampled time itself.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +31,9 @@ CHUNK = 32
 
 # what both bodies accumulate
 IMPULSE, PLATE_BEFORE, LOSS_BEFORE, LOSS_AFTER = range(4)
+# numbers that describe a body: kept in a field, so that another value compiles nothing anew
+MASS, RADIUS, GRAVITY, AXIS_X, AXIS_Y, TIP = range(6)
+INNER, OUTER, HEIGHT = range(3)
 # the striker's own state; displacement and velocity are positive towards the plate
 DISPLACEMENT, VELOCITY, VELOCITY_BEFORE, TRIAL = range(4)
 
@@ -47,6 +51,7 @@ class RigidBody:
     Attributes:
         nodes: node numbers, ascending, flat over (2, *S).
         before: velocity of each listed node at the end of the last step, m/s.
+        numbers: what describes the body, f64, SI units.
         chunk_sums: (chunks,) 4-vectors in f64.
         sums: (4,) f64 since the start: impulse on the plate along z (N s); half-step work on the
             plate in the latest step (J); energy lost before and after the latest sample time (J).
@@ -55,8 +60,10 @@ class RigidBody:
     moving = True
     """Whether the list has to be made anew while the plate moves."""
 
-    def __init__(self, dynamics: Dynamics, capacity: int):
+    def __init__(self, dynamics: Dynamics, numbers: Sequence[float], capacity: int):
         self.dynamics = dynamics
+        self.numbers = ti.field(ti.f64, shape=len(numbers))
+        self.numbers.from_numpy(np.array(numbers, dtype=np.float64))
         self.capacity = capacity
         self.nodes = ti.field(ti.i32, shape=capacity)
         self.before = ti.Vector.field(3, float, shape=capacity)
@@ -141,9 +148,8 @@ class RigidBody:
         if ti.static(self.dynamics.features.damping):
             # what it loses by damping was booked for its free flight: take the way it really goes
             drag = 0.5 * damping * self.node_mass(s, k, j, i) * ti.cast(before + free, float)
-            self.dynamics.damped[s, k, j, i] += drag.dot(
-                ti.cast(0.5 * time_step * (velocity - free), float)
-            )
+            way = ti.cast(0.5 * time_step * (velocity - free), float)
+            self.dynamics.damped[s, k, j, i] = self.dynamics.damped[s, k, j, i] + drag.dot(way)
         return vec3d(impulse.z, 0.5 * impulse.dot(before), 0.5 * impulse.dot(velocity))
 
     @ti.func
@@ -183,8 +189,19 @@ class RigidBody:
                 margin = 0.25 * spacing + 2 * reach * (speed + approach)
                 if self.near(self.rest(s, k, j, i, spacing) + moved, margin):
                     place = ti.atomic_add(count[0], 1)
-                    if place < self.capacity:
+                    if place < found.shape[0]:
                         found[place] = ((s * nz + k) * ny + j) * nx + i
+
+    @ti.func
+    def book(self, impulse, plate_before, before, after):
+        """Add a step's impulse on the plate and works on all that touches to the sums.
+
+        Written out: ``+=`` on a field is an atomic, which not every backend has in f64.
+        """
+        self.sums[IMPULSE] = self.sums[IMPULSE] + impulse
+        self.sums[PLATE_BEFORE] = plate_before
+        self.sums[LOSS_BEFORE] = self.sums[LOSS_BEFORE] - before
+        self.sums[LOSS_AFTER] = self.sums[LOSS_AFTER] - after
 
     @ti.kernel
     def note_velocities(self):
@@ -216,17 +233,21 @@ class Striker(RigidBody):
         spacing = dynamics.lattice.spacing
         # as many nodes as a column of twice the striker's diameter and four thicknesses more
         across = 2 * scene.diameter / spacing + 4 * nz
-        super().__init__(dynamics, int(min(across**2, (nx + 1) * (ny + 1)) * (2 * nz + 1)))
+        tip = nz * spacing + scene.gap
+        super().__init__(
+            dynamics,
+            (scene.mass, 0.5 * scene.diameter, scene.gravity, *scene.position, tip),
+            int(min(across**2, (nx + 1) * (ny + 1)) * (2 * nz + 1)),
+        )
         self.state = ti.field(ti.f64, shape=4)
-        self.mass, self.radius, self.gravity = scene.mass, 0.5 * scene.diameter, scene.gravity
-        self.axis, self.tip = scene.position, nz * spacing + scene.gap
         start = scene.velocity - 0.5 * time_step * scene.gravity
         self.state.from_numpy(np.array([0.0, start, start, 0.0]))
 
     @ti.func
     def from_axis(self, position, displacement):
         """Vector from the nearest point of the axis at or above the sphere's centre to a point."""
-        centre = vec3d(self.axis[0], self.axis[1], self.tip + self.radius - displacement)
+        height = self.numbers[TIP] + self.numbers[RADIUS] - displacement
+        centre = vec3d(self.numbers[AXIS_X], self.numbers[AXIS_Y], height)
         offset = position - centre
         offset.z = ti.min(offset.z, 0.0)
         return offset
@@ -234,7 +255,7 @@ class Striker(RigidBody):
     @ti.func
     def distance(self, position, displacement):
         """Signed distance of a point to the striker's surface, m."""
-        return self.from_axis(position, displacement).norm() - self.radius
+        return self.from_axis(position, displacement).norm() - self.numbers[RADIUS]
 
     @ti.func
     def near(self, position, margin):
@@ -247,13 +268,13 @@ class Striker(RigidBody):
         s, k, j, i = self.place(number)
         moved = ti.cast(self.dynamics.displacement[1 - now, s, k, j, i], ti.f64)
         offset = self.from_axis(self.rest(s, k, j, i, spacing) + moved, displacement)
-        length = ti.max(offset.norm(), 1e-12 * self.radius)
-        return self.radius - length, offset / length
+        length = ti.max(offset.norm(), 1e-12 * self.numbers[RADIUS])
+        return self.numbers[RADIUS] - length, offset / length
 
     @ti.func
     def free_velocity(self, time_step):
         """The striker's velocity half a step from now if it touches nothing, m/s."""
-        return self.state[VELOCITY] + ti.cast(time_step, ti.f64) * self.gravity
+        return self.state[VELOCITY] + ti.cast(time_step, ti.f64) * self.numbers[GRAVITY]
 
     @ti.func
     def resolve(self, now, spacing, time_step, damping):
@@ -273,7 +294,7 @@ class Striker(RigidBody):
             self.chunk_sums[chunk] = ti.Vector([driven, inertia, 0.0, 0.0], ti.f64)
         for _ in range(1):
             total = self.total()
-            self.state[TRIAL] = total[0] / (self.mass + total[1])
+            self.state[TRIAL] = total[0] / (self.numbers[MASS] + total[1])
         for chunk in range(self.chunks()):
             works = vec3d(0.0, 0.0, 0.0)
             flight = self.state[DISPLACEMENT] + dt * (
@@ -292,15 +313,17 @@ class Striker(RigidBody):
         for _ in range(1):
             total = self.total()
             before = self.state[VELOCITY]
-            after = self.free_velocity(time_step) + total[0] / self.mass
+            after = self.free_velocity(time_step) + total[0] / self.numbers[MASS]
             self.state[VELOCITY_BEFORE] = before
             self.state[VELOCITY] = after
-            self.state[DISPLACEMENT] += dt * after
+            self.state[DISPLACEMENT] = self.state[DISPLACEMENT] + dt * after
             # what the plate gets along +z the striker gets along -z, its own direction
-            self.sums[IMPULSE] += total[0]
-            self.sums[PLATE_BEFORE] = total[1]
-            self.sums[LOSS_BEFORE] -= total[1] + 0.5 * total[0] * before
-            self.sums[LOSS_AFTER] -= total[2] + 0.5 * total[0] * after
+            self.book(
+                total[0],
+                total[1],
+                total[1] + 0.5 * total[0] * before,
+                total[2] + 0.5 * total[0] * after,
+            )
 
     def motion(self) -> tuple[float, float, float]:
         """Displacement (m), velocities at n - 1/2 and n + 1/2 (m/s), towards the plate."""
@@ -321,41 +344,46 @@ class Rings(RigidBody):
         assert clamp.inner_diameter is not None  # the scene refuses other clamps without it
         lattice = dynamics.lattice
         self.moving = clamp.kind == "rings"
-        self.inner = 0.5 * clamp.inner_diameter
         outer = clamp.outer_diameter if clamp.kind != "rim" else None
-        self.outer = 0.5 * outer if outer is not None else math.inf
-        self.height = plate.modules_through_thickness * lattice.spacing
-        fixed = self._fixed(dynamics, through=clamp.kind == "rim")
+        numbers = (
+            0.5 * clamp.inner_diameter,
+            0.5 * outer if outer is not None else math.inf,
+            plate.modules_through_thickness * lattice.spacing,
+        )
+        fixed = self._fixed(dynamics, numbers, through=clamp.kind == "rim")
         if len(fixed) == 0:
             raise SceneError(
                 f"clamp.inner_diameter = {clamp.inner_diameter}: the clamp holds no node"
             )
         # separating rings: as many nodes as are between the circles through the whole thickness
-        super().__init__(dynamics, len(fixed) * (dynamics.sites[0] if self.moving else 1))
+        capacity = len(fixed) * (dynamics.sites[0] if self.moving else 1)
+        super().__init__(dynamics, numbers, capacity)
         self.set_nodes(fixed, len(fixed))
 
-    def _fixed(self, dynamics: Dynamics, through: bool) -> npt.NDArray[np.int32]:
+    @staticmethod
+    def _fixed(
+        dynamics: Dynamics, numbers: Sequence[float], through: bool
+    ) -> npt.NDArray[np.int32]:
         """Nodes between the circles: on both faces, or through the whole thickness."""
+        inner, outer, height = numbers
         position = dynamics.lattice.positions()
         spacing = dynamics.lattice.spacing
         radius = np.hypot(position[..., 0], position[..., 1])
         slack = 1e-9 * spacing
-        held = (
-            dynamics.lattice.exists()
-            & (radius >= self.inner - slack)
-            & (radius <= self.outer + slack)
-        )
+        held = dynamics.lattice.exists()
+        held &= (radius >= inner - slack) & (radius <= outer + slack)
         if not through:
             z = position[..., 2]
-            held &= (z < slack) | (z > self.height - slack)
+            held &= (z < slack) | (z > height - slack)
         return np.flatnonzero(held).astype(np.int32)
 
     @ti.func
     def near(self, position, margin):
         """Whether a point is within a margin of a ring's plane."""
         radius = ti.sqrt(position.x**2 + position.y**2)
-        close = (position.z < margin) | (position.z > self.height - margin)
-        return close & (radius > self.inner - margin) & (radius < self.outer + margin)
+        close = (position.z < margin) | (position.z > self.numbers[HEIGHT] - margin)
+        away = (radius < self.numbers[INNER] - margin) | (radius > self.numbers[OUTER] + margin)
+        return close & ~away
 
     @ti.func
     def held_at(self, s, k, j, i, now, spacing):
@@ -365,9 +393,9 @@ class Rings(RigidBody):
         rest = self.rest(s, k, j, i, spacing)
         radius = ti.sqrt((rest.x + old.x) ** 2 + (rest.y + old.y) ** 2)
         slack = 1e-3 * spacing
-        below, above = rest.z, rest.z - ti.cast(self.height, ti.f64)
+        below, above = rest.z, rest.z - self.numbers[HEIGHT]
         held = False
-        if radius >= self.inner and radius <= self.outer:
+        if radius >= self.numbers[INNER] and radius <= self.numbers[OUTER]:
             if above + new.z > 0 and above + old.z <= slack:
                 held, old.z = True, -above
             elif below + new.z < 0 and below + old.z >= -slack:
@@ -390,7 +418,4 @@ class Rings(RigidBody):
             self.chunk_sums[chunk] = ti.Vector([works[0], works[1], works[2], 0.0], ti.f64)
         for _ in range(1):
             total = self.total()
-            self.sums[IMPULSE] += total[0]
-            self.sums[PLATE_BEFORE] = total[1]
-            self.sums[LOSS_BEFORE] -= total[1]
-            self.sums[LOSS_AFTER] -= total[2]
+            self.book(total[0], total[1], total[1], total[2])

@@ -276,7 +276,8 @@ class Dynamics:
                 if ti.static(self.features.damping):
                     mean = 0.5 * (self.velocity[s, k, j, i] + after)
                     mass = self.mass[int(self.code[k, j, i])][s]
-                    self.damped[s, k, j, i] += damping * time_step * mass * mean.dot(mean)
+                    lost = damping * time_step * mass * mean.dot(mean)
+                    self.damped[s, k, j, i] = self.damped[s, k, j, i] + lost
                 self.velocity[s, k, j, i] = after
                 self.displacement[1 - now, s, k, j, i] = (
                     self.displacement[now, s, k, j, i] + time_step * after

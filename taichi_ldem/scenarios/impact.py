@@ -276,7 +276,7 @@ def _pictures(console: Console, folder: RunFolder, scene: Scene, code: int) -> N
     from taichi_ldem.plots import plot_run
 
     figures = plot_run(folder)
-    if code != INTERRUPTED and scene.output.image_times:
+    if code != INTERRUPTED:
         from taichi_ldem.render import render_run
 
         figures += render_run(folder, None)
