@@ -29,7 +29,7 @@ bench: $(VENV)/.run
 vulkan:
 	@ldconfig=$$(command -v ldconfig || echo /sbin/ldconfig); \
 	if ! $$ldconfig -p | grep -q libvulkan.so.1 || \
-		! find /usr/share/vulkan/icd.d /etc/vulkan/icd.d -name '*.json' 2>/dev/null | grep -q .; then \
+		! find /usr/share/vulkan/icd.d /etc/vulkan/icd.d -name 'lvp_icd*.json' 2>/dev/null | grep -q .; then \
 		$(APT); apt_install libvulkan1 mesa-vulkan-drivers \
 			|| echo "No Vulkan device: install libvulkan1 and mesa-vulkan-drivers for snapshots."; \
 	fi
@@ -43,7 +43,8 @@ $(VENV)/.dev: pyproject.toml $(VENV)/.made
 	@touch $@ $(VENV)/.run
 
 $(VENV)/.made:
-	@for python in $(PYTHON) python3.13 python3.12 python3.11 python3.10 none; do \
+	@if ! command -v $(PYTHON) >/dev/null; then $(APT); apt_install python3 python3-venv || true; fi; \
+	for python in $(PYTHON) python3.13 python3.12 python3.11 python3.10 none; do \
 		"$$python" -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' \
 			2>/dev/null && break; \
 	done; \

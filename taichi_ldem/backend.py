@@ -40,7 +40,8 @@ def start(solver: Solver) -> None:
     with _silent_stdout():
         import taichi as ti
 
-        arch = getattr(ti, solver.arch)
+        # not ti.gpu, which also looks for Vulkan and may abort in its driver
+        arch = ti.cpu if solver.arch == "cpu" else ti.cuda
         real = ti.f64 if solver.precision == "f64" else ti.f32
         options = {"cpu_max_num_threads": solver.threads} if solver.threads else {}
         ti.init(arch=arch, default_fp=real, fast_math=False, log_level=ti.ERROR, **options)

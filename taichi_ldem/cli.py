@@ -38,7 +38,9 @@ def impact(
         Path | None, typer.Option(metavar="DIR", help="run folder (default: outputs/SCENE)")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="overwrite the run in DIR")] = False,
-    arch: Annotated[str | None, typer.Option(help="cpu, cuda, vulkan, metal or gpu")] = None,
+    arch: Annotated[
+        str | None, typer.Option(help="cpu, cuda or gpu (vulkan, metal: not in this version)")
+    ] = None,
     precision: Annotated[str | None, typer.Option(help="f64 or f32")] = None,
     threads: Annotated[int | None, typer.Option(help="CPU threads (default: all cores)")] = None,
     settings: Settings = None,

@@ -4,7 +4,7 @@ The contact is kinematic (hard, no penalty stiffness): a node that its free flig
 a rigid body is put on the body's surface at the end of the same step, and the impulse that this
 takes acts back on the body. A node therefore never penetrates by more than rounding, no stiffness
 has to be chosen, and the critical time step is not lowered (a constraint cannot raise the highest
-frequency). Momentum is conserved exactly; a node that strikes a body sticks to it inelastically,
+frequency). Momentum along z is conserved; a node that strikes a body sticks to it inelastically,
 and the energy lost that way is accumulated, so the ledger closes.
 
 Only nodes near a body are visited. They are listed anew every few steps, in ascending order, from
@@ -79,8 +79,8 @@ class RigidBody:
         """
         if count > self.capacity:
             raise TooManyNodes(
-                f"{count} nodes came near a rigid body whose list holds {self.capacity}: debris is "
-                "piling up on it; end the run earlier (solver.duration)"
+                f"{count} nodes came near a rigid body whose list holds {self.capacity}: fast "
+                "debris all around it; end the run earlier (solver.duration) or strike more slowly"
             )
         padded = np.zeros(self.capacity, dtype=np.int32)
         padded[:count] = np.sort(nodes[:count])
@@ -116,7 +116,7 @@ class RigidBody:
 
     @ti.func
     def rest(self, s, k, j, i, spacing):
-        """Position of a node at rest, m, in f64; a top-face node's z is exactly nz times L."""
+        """Position of a node at rest, m, in f64."""
         nx, ny, _ = ti.static(self.dynamics.lattice.modules)
         half = ti.cast(0.5 * s, ti.f64)
         edge = ti.cast(spacing, ti.f64)
@@ -163,8 +163,9 @@ class RigidBody:
     def list_nodes(self, now: int, reach: float, approach: float) -> None:
         """List the nodes that may touch the body within ``reach`` (s) from now.
 
-        A node's margin is a quarter of a module plus twice the way that it and the body, at the
-        speed ``approach`` (m/s), go in that time: twice, for a node may be accelerated meanwhile.
+        A node's margin is 0.45 of a module plus twice the way that it and the body, at the speed
+        ``approach`` (m/s), go in that time: a node may be accelerated meanwhile, at most to about
+        the wave speed times eps_p, the speed at which a breaking bar lets go.
         """
         found = np.zeros(self.capacity, dtype=np.int32)
         count = np.zeros(1, dtype=np.int32)
@@ -186,7 +187,7 @@ class RigidBody:
             if self.node_mass(s, k, j, i) > 0:
                 moved = ti.cast(self.dynamics.displacement[now, s, k, j, i], ti.f64)
                 speed = self.dynamics.velocity[s, k, j, i].norm()
-                margin = 0.25 * spacing + 2 * reach * (speed + approach)
+                margin = 0.45 * spacing + 2 * reach * (speed + approach)
                 if self.near(self.rest(s, k, j, i, spacing) + moved, margin):
                     place = ti.atomic_add(count[0], 1)
                     if place < found.shape[0]:
@@ -237,7 +238,7 @@ class Striker(RigidBody):
         super().__init__(
             dynamics,
             (scene.mass, 0.5 * scene.diameter, scene.gravity, *scene.position, tip),
-            int(min(across**2, (nx + 1) * (ny + 1)) * (2 * nz + 1)),
+            int(min(max(across**2, 10_000), (nx + 1) * (ny + 1)) * (2 * nz + 1)),
         )
         self.state = ti.field(ti.f64, shape=4)
         start = scene.velocity - 0.5 * time_step * scene.gravity
@@ -292,7 +293,7 @@ class Striker(RigidBody):
                     driven += mass * depth * normal.z / dt
                     inertia += mass * normal.z**2
             self.chunk_sums[chunk] = ti.Vector([driven, inertia, 0.0, 0.0], ti.f64)
-        for _ in range(1):
+        for _ in range(1):  # a task of its own, after the chunks' and serial
             total = self.total()
             self.state[TRIAL] = total[0] / (self.numbers[MASS] + total[1])
         for chunk in range(self.chunks()):

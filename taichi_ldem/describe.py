@@ -77,14 +77,13 @@ def warnings(scene: Scene) -> list[str]:
 
 
 def left_out(scene: Scene) -> list[str]:
-    """Features that the scene does not name, and that are neither allocated nor compiled."""
-    clamped = scene.clamp is not None and scene.clamp.kind != "free"
+    """Features that the scene does not name, and why: neither allocated nor compiled."""
     absent = {
-        "damage (bar history, broken-bar record)": not scene.material.damage,
-        "damping": scene.solver.damping == 0,
-        "notch": not scene.notch,
-        "striker contact": scene.striker is None,
-        "clamp contact": not clamped,
+        "bar history and broken-bar record (material.damage = false)": not scene.material.damage,
+        "damping (solver.damping = 0)": scene.solver.damping == 0,
+        "removed bars (no [[notch]])": not scene.notch,
+        "striker contact (no [striker])": scene.striker is None,
+        "clamp contact (no [clamp], or free)": not scene.held,
     }
     return [name for name, missing in absent.items() if missing]
 

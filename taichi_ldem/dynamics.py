@@ -224,7 +224,8 @@ class Dynamics:
                     e = 0.0
             if ti.static(self.features.damage):
                 strain[bar] = e
-                largest = ti.max(largest, e)
+                # a bar that does not exist ends at a ghost node, which stays at rest
+                largest = ti.max(largest, ti.select(whole > 0, e, 0.0))
         if ti.static(self.features.damage):
             if self.touched[k, j, i] != 0 or largest > peak_strain:
                 self.touched[k, j, i] = ti.u8(1)

@@ -147,17 +147,22 @@ def bar_families(material: Material, spacing: float, stiffness_variant: str = "e
 
 
 def check(scene: Scene) -> Bars:
-    """The scene's bar families, refused where the explicit integration would not be stable.
+    """The scene's bar families, refused where a bar cannot dissipate G_f A^f without a jump.
 
     Raises:
         SceneError: with damage on, K_r < 1 for a family (Eq. (13)): the message names the largest
-            admissible module edge and the number of modules that gives it.
+            admissible module edge and the number of modules that gives it, or the limit strain.
     """
     plate = scene.plate
     bars = bar_families(scene.material, plate.spacing, plate.stiffness)
     if not scene.material.damage:
         return bars
     for name, family in (("longitudinal", bars.longitudinal), ("diagonal", bars.diagonal)):
+        if family.ductility < 1 and scene.material.limit_strain is not None:
+            raise SceneError(
+                f"material.limit_strain = {scene.material.limit_strain}: must be at least the "
+                f"failure strain eps_p = {family.peak_strain:.5g}"
+            )
         if family.ductility < 1:
             largest = family.critical_length * plate.spacing / family.length
             modules = math.ceil(plate.size[2] / largest)

@@ -250,7 +250,7 @@ class Solver(_Table):
     time_step: float | Literal["auto"] = Field(
         default="auto", description="s, or 'auto': safety times the critical time step"
     )
-    safety: Annotated[Real, Field(gt=0, le=1)] = 0.7
+    safety: Annotated[Real, Field(ge=0.01, le=1)] = 0.7
     allow_unstable: Flag = Field(
         default=False, description="allow a time step above the critical one"
     )
@@ -333,6 +333,11 @@ class Scene(_Table):
     notch: tuple[Notch, ...] = ()
 
     @property
+    def held(self) -> bool:
+        """Whether anything holds the plate."""
+        return self.clamp is not None and self.clamp.kind != "free"
+
+    @property
     def field_times(self) -> tuple[float, ...]:
         """Sorted times at which fields are stored: start, every interval, image times, end; s."""
         end, interval = self.solver.duration, self.output.field_interval or 0.0
@@ -393,6 +398,9 @@ class Scene(_Table):
             if not end / interval <= limit:
                 why = f"must be at least {end / limit:.6g}: {limit} intervals in solver.duration"
                 raise _refuse(f"output.{key}", interval, why)
+        if output.field_interval and output.field_interval < output.history_interval:
+            why = f"must be at least output.history_interval = {output.history_interval!r}, or 0"
+            raise _refuse("output.field_interval", output.field_interval, why)
         for time in output.image_times:
             if time > end:
                 why = f"must lie between 0 and solver.duration = {end!r}"

@@ -13,6 +13,8 @@ import numpy.typing as npt
 from taichi_ldem.dynamics import Dynamics
 
 TOLERANCE = 1e-3
+BASIS = 8
+"""Lanczos vectors kept, each as large as the displacement."""
 
 
 def critical_time_step(dynamics: Dynamics) -> float:
@@ -42,7 +44,13 @@ def critical_time_step(dynamics: Dynamics) -> float:
     operator = LinearOperator((size, size), matvec=apply, dtype=np.float64)
     start = np.random.default_rng(0).standard_normal(shape) * (root > 0)
     value = eigsh(
-        operator, k=1, which="LA", v0=start.ravel(), tol=TOLERANCE, return_eigenvectors=False
+        operator,
+        k=1,
+        which="LA",
+        v0=start.ravel(),
+        ncv=BASIS,
+        tol=TOLERANCE,
+        return_eigenvectors=False,
     )
     dynamics.set_displacement(now, np.zeros(shape))
     return float(2 / np.sqrt(value[0]))

@@ -221,7 +221,7 @@ def test_a_bad_scene_is_refused_in_one_line(
     good.write_text(GOOD.replace(bad.old, bad.new, 1))
     line = _refused(capsys, command, "scene.toml")
     assert bad.message in line
-    assert "scene.toml: " in line or "K_r" in line
+    assert "scene.toml: " in line or "K_r" in line or "eps_p" in line
     assert [path.name for path in good.parent.iterdir()] == ["scene.toml"]
 
 

@@ -186,7 +186,19 @@ def test_what_a_scene_leaves_out_is_left_out(scene: Path) -> None:
     for field in ("peak", "touched", "recorded", "striker.nodes", "rings.nodes"):
         assert field in whole
         assert field not in told
-    assert "left out: damage" in told
+    assert "left out: bar history and broken-bar record (material.damage = false)" in told
+
+
+def test_the_end_is_written_where_it_falls_within_an_interval(scene: Path) -> None:
+    out = scene.parent / "uneven"
+    settings = ["solver.duration=2e-5", "output.history_interval=3e-6", "output.field_interval=0"]
+    words = [w for text in settings for w in ("--set", text)]
+    done = ldem("impact", str(scene), "--out", str(out), "--quiet", *words)
+    assert done.returncode == 0, done.stderr
+    folder = RunFolder.open(out)
+    step = folder.read_summary()["time_step_s"]
+    assert folder.read_history()["time_s"][-1] == pytest.approx(2e-5, abs=0.5 * step)
+    assert read_fields(folder.fields_file).times == pytest.approx([0.0, 2e-5], abs=0.5 * step)
 
 
 def test_f32_runs_and_agrees_before_cracking(finished: RunFolder, scene: Path) -> None:
