@@ -250,7 +250,7 @@ class Solver(_Table):
     time_step: float | Literal["auto"] = Field(
         default="auto", description="s, or 'auto': safety times the critical time step"
     )
-    safety: Annotated[Real, Field(ge=0.01, le=1)] = 0.7
+    safety: Annotated[Real, Field(ge=0.01, le=1)] = 0.5
     allow_unstable: Flag = Field(
         default=False, description="allow a time step above the critical one"
     )
