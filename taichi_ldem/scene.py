@@ -291,7 +291,7 @@ class Output(_Table):
     field_interval: NonNegative | None = Field(
         default=None,
         description="between stored fields, s; 0: only the first and the last state;"
-        " default: a tenth of the duration (filled in by the Scene)",
+        " default: a tenth of the duration, not below history_interval",
     )
     image_times: tuple[NonNegative, ...] = Field(default=(), description="of the snapshots, s")
 
@@ -354,7 +354,8 @@ class Scene(_Table):
             self._check_notch(f"notch[{number}]", notch)
         if self.output.field_interval is None:
             # resolved here, once: the default depends on another table
-            output = self.output.model_copy(update={"field_interval": self.solver.duration / 10})
+            interval = max(self.solver.duration / 10, self.output.history_interval)
+            output = self.output.model_copy(update={"field_interval": interval})
             object.__setattr__(self, "output", output)
         return self
 
