@@ -323,6 +323,8 @@ class Simulation:
             body.set_nodes(nodes, len(nodes))
         self.energies.potential(self.now)
         self.energies.kinetic(self.now, self.time_step, self.damping)
+        if self.dynamics.features.damage:
+            self.dynamics.new_broken()
 
     def measure_step(self) -> float:
         """Seconds that a step takes here, from a few at rest; nothing moves.

@@ -28,7 +28,8 @@ def block_scene(
             "modules_through_thickness": nz,
         },
         "material": PMMA,
-        "solver": {"duration": 1e-3},
+        # the numbers of steps in the tests are meant for this step, not for the default one
+        "solver": {"duration": 1e-3, "safety": 0.7},
     }
     for name, table in tables.items():
         data[name] = data.get(name, {}) | table if isinstance(table, dict) else table
