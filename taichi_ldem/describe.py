@@ -2,6 +2,7 @@
 
 from rich.console import Group
 from rich.table import Table
+from rich.text import Text
 
 from taichi_ldem import material as mat
 from taichi_ldem.scene import Scene
@@ -117,7 +118,7 @@ def describe(scene: Scene) -> Group:
     for name, size in sizes.items():
         memory.add_row(name, f"{size / 1e6:.2f}")
     memory.add_row("all", f"{sum(sizes.values()) / 1e6:.2f}")
-    parts: list[Table | str] = [table, memory]
-    parts.append("left out: " + (", ".join(left_out(scene)) or "nothing"))
-    parts += [f"note: {line}" for line in warnings(scene)]
+    parts: list[Table | Text] = [table, memory]
+    parts.append(Text("left out: " + (", ".join(left_out(scene)) or "nothing")))
+    parts += [Text(f"note: {line}") for line in warnings(scene)]
     return Group(*parts)

@@ -186,6 +186,7 @@ def test_what_a_scene_leaves_out_is_left_out(scene: Path) -> None:
     for field in ("peak", "touched", "recorded", "striker.nodes", "rings.nodes"):
         assert field in whole
         assert field not in told
+    assert "striker contact (no [striker])" in told
     assert "left out: bar history and broken-bar record (material.damage = false)" in told
 
 

@@ -120,7 +120,7 @@ def run(scene: Scene, out: Path, *, force: bool = False, quiet: bool = False) ->
     Raises:
         SceneError: the scene or the folder is refused; nothing has been written then.
     """
-    console = Console(quiet=quiet, highlight=False, soft_wrap=True)
+    console = Console(quiet=quiet, highlight=False, markup=False, soft_wrap=True)
     RunFolder.check(out, force=force)
     started = time.perf_counter()
     backend.start(scene.solver)
