@@ -119,6 +119,6 @@ def describe(scene: Scene) -> Group:
         memory.add_row(name, f"{size / 1e6:.2f}")
     memory.add_row("all", f"{sum(sizes.values()) / 1e6:.2f}")
     parts: list[Table | Text] = [table, memory]
-    parts.append(Text("left out: " + (", ".join(left_out(scene)) or "nothing")))
+    parts += [Text(f"left out: {line}") for line in left_out(scene)]
     parts += [Text(f"note: {line}") for line in warnings(scene)]
     return Group(*parts)
