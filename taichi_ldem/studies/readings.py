@@ -18,6 +18,7 @@ MEASURED = "material.failure_strain=0.02238805970149254"  # 75 MPa / 3.35 GPa
 BRITTLE = "material.limit_strain=0.02238805970149254"
 FULL = "plate.surface_weights=false"
 PRINTED = ("material.failure_strain=0.01818", "material.limit_strain=0.02238")
+FASTER = "solver.safety=0.7"  # for time: brittle bars lose less energy to the step than others
 # past the first peak, with a larger step than the default, for time: compare with "early"
 EARLY = ("solver.duration=2.5e-3", "solver.safety=0.9", "output.image_times=[]")
 MIDDLE = "striker.position=[0.0002666666666666667, 0.0002666666666666667]"  # half of L
@@ -40,7 +41,9 @@ class Reading:
 READINGS = (
     Reading("derived", (), "derived defaults"),
     Reading(
-        "full-measured", (FULL, MEASURED, BRITTLE), "full face bars, eps_p = eps_r = 75 MPa / E"
+        "full-measured",
+        (FULL, MEASURED, BRITTLE, FASTER),
+        "full face bars, eps_p = eps_r = 75 MPa / E",
     ),
     Reading("early", EARLY, "derived defaults, larger step"),
     Reading("full", (FULL, *EARLY), "full face bars"),
@@ -62,7 +65,7 @@ READINGS = (
     Reading("gravity", ("striker.gravity=9.81", *EARLY), "gravity on the striker"),
     Reading(
         "full-measured-middle",
-        (FULL, MEASURED, BRITTLE, MIDDLE),
+        (FULL, MEASURED, BRITTLE, MIDDLE, FASTER),
         "full face bars, 75 MPa / E, striker over the middle of a module",
     ),
 )
