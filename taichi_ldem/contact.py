@@ -127,29 +127,23 @@ class RigidBody:
         )
 
     @ti.func
-    def node_mass(self, s, k, j, i):
-        """Mass of a node, kg; 0 where there is none."""
-        mass = self.dynamics.mass[int(self.dynamics.code[k, j, i])]
-        chosen = mass[0]
-        if s == 1:
-            chosen = mass[1]
-        return chosen
-
-    @ti.func
     def put(self, number, s, k, j, i, now, time_step, damping, displacement):
         """Move a node to a displacement (f64), return impulse and its works (z, before, after)."""
-        old = ti.cast(self.dynamics.displacement[now, s, k, j, i], ti.f64)
-        free = ti.cast(self.dynamics.velocity[s, k, j, i], ti.f64)
+        old = ti.cast(self.dynamics.node_displacement(now, s, k, j, i), ti.f64)
+        free = ti.cast(self.dynamics.node_velocity(s, k, j, i), ti.f64)
         velocity = (displacement - old) / ti.cast(time_step, ti.f64)
-        impulse = ti.cast(self.node_mass(s, k, j, i), ti.f64) * (velocity - free)
-        self.dynamics.displacement[1 - now, s, k, j, i] = ti.cast(displacement, float)
-        self.dynamics.velocity[s, k, j, i] = ti.cast(velocity, float)
+        impulse = ti.cast(self.dynamics.node_mass(s, k, j, i), ti.f64) * (velocity - free)
+        self.dynamics.put_node(
+            1 - now, s, k, j, i, ti.cast(displacement, float), ti.cast(velocity, float)
+        )
         before = ti.cast(self.before[number], ti.f64)
         if ti.static(self.dynamics.features.damping):
             # what it loses by damping was booked for its free flight: take the way it really goes
-            drag = 0.5 * damping * self.node_mass(s, k, j, i) * ti.cast(before + free, float)
+            drag = (
+                0.5 * damping * self.dynamics.node_mass(s, k, j, i) * ti.cast(before + free, float)
+            )
             way = ti.cast(0.5 * time_step * (velocity - free), float)
-            self.dynamics.damped[s, k, j, i] = self.dynamics.damped[s, k, j, i] + drag.dot(way)
+            self.dynamics.add_damped(s, k, j, i, drag.dot(way))
         return vec3d(impulse.z, 0.5 * impulse.dot(before), 0.5 * impulse.dot(velocity))
 
     @ti.func
@@ -184,9 +178,9 @@ class RigidBody:
     ):
         nz, ny, nx = ti.static(self.dynamics.sites)
         for s, k, j, i in ti.ndrange(2, nz, ny, nx):
-            if self.node_mass(s, k, j, i) > 0:
-                moved = ti.cast(self.dynamics.displacement[now, s, k, j, i], ti.f64)
-                speed = self.dynamics.velocity[s, k, j, i].norm()
+            if self.dynamics.node_mass(s, k, j, i) > 0:
+                moved = ti.cast(self.dynamics.node_displacement(now, s, k, j, i), ti.f64)
+                speed = self.dynamics.node_velocity(s, k, j, i).norm()
                 margin = 0.45 * spacing + 2 * reach * (speed + approach)
                 if self.near(self.rest(s, k, j, i, spacing) + moved, margin):
                     place = ti.atomic_add(count[0], 1)
@@ -209,7 +203,7 @@ class RigidBody:
         """Note the velocities of the listed nodes as those of the end of the last step."""
         for number in range(self.count[None]):
             s, k, j, i = self.place(number)
-            self.before[number] = self.dynamics.velocity[s, k, j, i]
+            self.before[number] = self.dynamics.node_velocity(s, k, j, i)
 
     def collected(self) -> npt.NDArray[np.float64]:
         """The four sums (see ``sums``)."""
@@ -267,7 +261,7 @@ class Striker(RigidBody):
     def overlap(self, number, now, spacing, displacement):
         """How deep a listed node is in the striker, and the surface's normal there."""
         s, k, j, i = self.place(number)
-        moved = ti.cast(self.dynamics.displacement[1 - now, s, k, j, i], ti.f64)
+        moved = ti.cast(self.dynamics.node_displacement(1 - now, s, k, j, i), ti.f64)
         offset = self.from_axis(self.rest(s, k, j, i, spacing) + moved, displacement)
         length = ti.max(offset.norm(), 1e-12 * self.numbers[RADIUS])
         return self.numbers[RADIUS] - length, offset / length
@@ -289,7 +283,7 @@ class Striker(RigidBody):
                 depth, normal = self.overlap(number, now, spacing, flight)
                 if depth > 0:
                     s, k, j, i = self.place(number)
-                    mass = ti.cast(self.node_mass(s, k, j, i), ti.f64)
+                    mass = ti.cast(self.dynamics.node_mass(s, k, j, i), ti.f64)
                     driven += mass * depth * normal.z / dt
                     inertia += mass * normal.z**2
             self.chunk_sums[chunk] = ti.Vector([driven, inertia, 0.0, 0.0], ti.f64)
@@ -305,11 +299,11 @@ class Striker(RigidBody):
                 s, k, j, i = self.place(number)
                 depth, normal = self.overlap(number, now, spacing, flight)
                 if depth > 0:
-                    moved = ti.cast(self.dynamics.displacement[1 - now, s, k, j, i], ti.f64)
+                    moved = ti.cast(self.dynamics.node_displacement(1 - now, s, k, j, i), ti.f64)
                     works += self.put(
                         number, s, k, j, i, now, time_step, damping, moved + depth * normal
                     )
-                self.before[number] = self.dynamics.velocity[s, k, j, i]
+                self.before[number] = self.dynamics.node_velocity(s, k, j, i)
             self.chunk_sums[chunk] = ti.Vector([works[0], works[1], works[2], 0.0], ti.f64)
         for _ in range(1):
             total = self.total()
@@ -389,8 +383,8 @@ class Rings(RigidBody):
     @ti.func
     def held_at(self, s, k, j, i, now, spacing):
         """Whether a ring holds a node at the end of the step, and its displacement then."""
-        old = ti.cast(self.dynamics.displacement[now, s, k, j, i], ti.f64)
-        new = ti.cast(self.dynamics.displacement[1 - now, s, k, j, i], ti.f64)
+        old = ti.cast(self.dynamics.node_displacement(now, s, k, j, i), ti.f64)
+        new = ti.cast(self.dynamics.node_displacement(1 - now, s, k, j, i), ti.f64)
         rest = self.rest(s, k, j, i, spacing)
         radius = ti.sqrt((rest.x + old.x) ** 2 + (rest.y + old.y) ** 2)
         slack = 1e-3 * spacing
@@ -410,12 +404,15 @@ class Rings(RigidBody):
             works = vec3d(0.0, 0.0, 0.0)
             for number in range(chunk * CHUNK, self.chunk_end(chunk)):
                 s, k, j, i = self.place(number)
-                held, target = True, ti.cast(self.dynamics.displacement[now, s, k, j, i], ti.f64)
+                held, target = (
+                    True,
+                    ti.cast(self.dynamics.node_displacement(now, s, k, j, i), ti.f64),
+                )
                 if ti.static(self.moving):
                     held, target = self.held_at(s, k, j, i, now, spacing)
                 if held:
                     works += self.put(number, s, k, j, i, now, time_step, damping, target)
-                self.before[number] = self.dynamics.velocity[s, k, j, i]
+                self.before[number] = self.dynamics.node_velocity(s, k, j, i)
             self.chunk_sums[chunk] = ti.Vector([works[0], works[1], works[2], 0.0], ti.f64)
         for _ in range(1):
             total = self.total()

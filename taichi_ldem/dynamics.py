@@ -4,19 +4,24 @@ Pass 1 evaluates each bar once and stores one scalar, its axial force over its c
 2 gathers these at each node, integrates, and writes the new displacement beside the old one (two
 buffers, ``now`` and ``1 - now``), so no node sees a neighbour that has moved already. Both are
 gathers, so nothing is summed atomically and the result does not depend on the number of threads.
-All bars at a site are evaluated before the first store: a store between loads would make the
-compiler reload base addresses.
+
+Both passes work on columns of several sites at once (``lanes``). On the CPU a thread takes a strip
+of rows and alternates between the passes row by row, so that the scalars never leave its cache; two
+rows at the borders of a strip are evaluated by both neighbours, with the same result. On a GPU the
+passes are two launches.
 
 Numbers that a study varies (time step, stiffness, masses, law parameters) are kernel arguments or
 small tables, so they never recompile anything; which features exist does.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import taichi as ti
 
+from taichi_ldem.lanes import HALO, Lanes
 from taichi_ldem.lattice import (
     BAR_VECTORS,
     BARS_PER_SITE,
@@ -45,9 +50,12 @@ _ENDS = (
 )
 
 
-def _attached(sublattice: int) -> tuple[tuple, ...]:
-    """Bars at a node: bar, offset of its site, sign, other end's sublattice and site offset."""
-    bars = []
+def _attached(sublattice: int) -> list[tuple]:
+    """A node's bars: towards +x, -x, +y, -y, +z, -z, then the diagonals by number.
+
+    Each is (bar, offset of its site, other end's sublattice, offset of the other end's site).
+    """
+    bars = {}
     for bar, ends in enumerate(_ENDS):
         for end, sign in ((0, 1), (1, -1)):
             if ends[end][0] != sublattice:
@@ -55,12 +63,46 @@ def _attached(sublattice: int) -> tuple[tuple, ...]:
             other, here = ends[1 - end], ends[end][1]
             home = tuple(-n for n in here)
             there = tuple(o - n for o, n in zip(other[1], here, strict=True))
-            bars.append((bar, home, sign, other[0], there))
-    return tuple(bars)
+            axis = int(np.argmax(np.abs(BAR_VECTORS[bar])))
+            order = 6 + bar
+            if bar < DIAGONAL.start:
+                order = 2 * axis + int(sign * BAR_VECTORS[bar][axis] < 0)
+            bars[order] = (bar, home, other[0], there)
+    return [bars[order] for order in sorted(bars)]
 
 
-ATTACHED = (_attached(CORNER), _attached(CENTRE))
+SCALARS = tuple(tuple((bar, home) for bar, home, _, _ in _attached(s)) for s in (CORNER, CENTRE))
+"""Where a node of each sublattice finds the scalars of its bars: bar, offset of its site."""
+
+NEIGHBOURS = tuple(
+    tuple((other, there) for _, _, other, there in _attached(s)) for s in (CORNER, CENTRE)
+)
+"""The nodes at the other ends, in the same order: sublattice, offset of the site."""
+
 STIFFNESS_KIND = (0, 1, 2, 3, 4, 5) + (6,) * 8
+
+NODE_AXES = tuple((s, axis) for s in (CORNER, CENTRE) for axis in range(3))
+
+LEVERS = tuple(
+    tuple(tuple(6 + d for d in range(8) if (d >> axis & 1) == side) for side in (1, 0))
+    for axis in range(3)
+)
+"""For each axis the places in SCALARS of the diagonals that a centre has above and below it."""
+
+TINY = 1e-12
+"""Least square of a bar's length ratio: a bar whose ends meet has no direction to push in."""
+
+
+RING = 4
+"""Rows of bar scalars that a strip keeps: the three that a row of nodes gathers from, and a spare
+that makes the row's place a bit mask."""
+
+STRIPS_PER_THREAD = 2
+ROWS_PER_STRIP = 4
+"""Fewest rows of a strip: two more are evaluated by both neighbours."""
+
+TURNS = 512
+"""Taichi hands a CPU thread at least this many turns of a parallel loop."""
 
 
 @dataclass(frozen=True)
@@ -82,49 +124,87 @@ class Features:
         """Whether bars have a history at all."""
         return self.law is not None
 
+    @property
+    def history(self) -> bool:
+        """Whether a bar may carry less than its elastic force."""
+        return self.damage or self.notch
+
 
 @ti.data_oriented
 class Dynamics:
     """The lattice's state and its kernels.
 
-    Attributes (site shape S = (nz + 3, ny + 3, nx + 3); ``real`` is Taichi's default float):
-        displacement: (2, 2, *S) 3-vectors: buffer; corner, then centre, m.
-        velocity: (2, *S) 3-vectors, m/s, half a step behind the displacement.
-        axial: S 14-vector, axial force over current length of each bar, N/m.
+    Fields that begin with a sublattice (corner, centre) or a bar are tuples of one Taichi field
+    each. Every field of sites has a shape S = (nz + 3, ny + 3, columns) and elements of one number
+    a lane (``lanes``); ``real`` is Taichi's default float.
+
+    Attributes:
+        displacement: [sublattice][axis] (2, *S), m; the first index is the buffer.
+        velocity: [sublattice][axis] S, m/s, half a step behind the displacement.
+        axial: [bar] (strips, rows, nz + 3, columns), axial force over current length, N/m.
         code: S, the lattice's byte.
-        peak: S 14-vector, largest strain over eps_p so far (with damage).
-        touched: S, 1 where a bar has ever passed eps_p: only there is ``peak`` read (with damage).
+        peak: [bar] S, largest strain over eps_p so far (with damage).
+        touched: one a column, 1 where a bar has ever passed eps_p or was removed: only there is
+            a bar more than elastic.
         recorded: S, one bit for each bar already reported broken (with damage).
         removed: S, one bit for each bar cut by a notch (with a notch).
-        damped: (2, *S) energy lost by damping at each node, J (with damping).
+        damped: [sublattice] S, energy lost by damping at each node, J (with damping).
+        moving: (ny + 3,) 2-vectors in f64: kinetic energy and energy lost by damping of a row at
+            t_n, J, of the last measured step.
     """
 
     def __init__(self, lattice: Lattice, bars: Bars, density: float, features: Features):
         self.lattice = lattice
         self.features = features
-        sites = lattice.sites
-        self.sites = sites
-        self.rows = sites[0] * sites[1]
-        self.displacement = ti.Vector.field(3, float, shape=(2, 2, *sites))
-        self.velocity = ti.Vector.field(3, float, shape=(2, *sites))
-        self.axial = ti.Vector.field(BARS_PER_SITE, float, shape=sites)
-        self.code = ti.field(ti.u8, shape=sites)
+        nz, ny, nx = self.sites = lattice.sites
+        config = ti.lang.impl.current_cfg()
+        self.on_cpu = config.arch in (ti.x64, ti.arm64)
+        size = np.dtype(self.numpy_float()).itemsize
+        self.lanes = Lanes.fitting(nx, size) if self.on_cpu else Lanes(nx)
+        self.shape = (nz, ny, self.lanes.columns)
+        self.strips, rows = 1, ny
+        if self.on_cpu:
+            wanted = STRIPS_PER_THREAD * config.cpu_max_num_threads
+            self.strips, rows = max(1, min(wanted, (ny - 2) // ROWS_PER_STRIP)), RING + 1
+        self.displacement = [[self._field(float, 2) for _ in "xyz"] for _ in "ab"]
+        self.velocity = [[self._field(float) for _ in "xyz"] for _ in "ab"]
+        ring = (self.strips, rows, nz, self.lanes.columns)
+        self.axial = [self._lanes_of(float, ring) for _ in range(BARS_PER_SITE)]
+        self.code = self._field(ti.u8)
+        self.moving = ti.Vector.field(2, ti.f64, shape=ny)
         self.stiffness = ti.Vector.field(7, float, shape=256)
         self.mass = ti.Vector.field(2, float, shape=256)
         self.inverse_mass = ti.Vector.field(2, float, shape=256)
+        if features.history:
+            self.touched = ti.field(ti.u8, shape=self.shape)
         if features.law is not None:
             self.law = LAWS[features.law]
-            self.peak = ti.Vector.field(BARS_PER_SITE, float, shape=sites)
-            self.touched = ti.field(ti.u8, shape=sites)
-            self.recorded = ti.field(ti.u16, shape=sites)
+            self.peak = [self._field(float) for _ in range(BARS_PER_SITE)]
+            self.recorded = self._field(ti.u16)
             self.softening = ti.Vector.field(2, float, shape=2)
         if features.notch:
-            self.removed = ti.field(ti.u16, shape=sites)
+            self.removed = self._field(ti.u16)
         if features.damping:
-            self.damped = ti.field(float, shape=(2, *sites))
-        self.code.from_numpy(lattice.code)
+            self.damped = [self._field(float) for _ in "ab"]
+        self.code.from_numpy(self.lanes.spread(lattice.code))
         self.set_bars(bars)
         self.set_density(density)
+
+    def _lanes_of(self, kind: Any, shape: tuple[int, ...]) -> ti.MatrixField:
+        return ti.Vector.field(self.lanes.width, kind, shape=shape)
+
+    def _field(self, kind: Any, buffers: int = 1) -> ti.MatrixField:
+        shape = self.shape if buffers == 1 else (buffers, *self.shape)
+        return self._lanes_of(kind, shape)
+
+    def fields(self) -> dict[str, list[ti.Field]]:
+        """All fields by name; several where a name has one for each sublattice, axis or bar."""
+        found = {}
+        for name, value in vars(self).items():
+            flat = np.array(value, dtype=object).ravel() if isinstance(value, list) else [value]
+            if isinstance(flat[0], ti.Field):
+                found[name] = list(flat)
+        return found
 
     def set_bars(self, bars: Bars) -> None:
         """Fill the tables of stiffness EA/L per site byte (N/m) and of the law's parameters."""
@@ -144,6 +224,12 @@ class Dynamics:
         self.mass.from_numpy(mass.astype(self.numpy_float()))
         self.inverse_mass.from_numpy(inverse.astype(self.numpy_float()))
 
+    def set_removed(self, removed: npt.NDArray[np.uint16]) -> None:
+        """Remove bars, one bit each: (nz + 3, ny + 3, nx + 3)."""
+        stored = self.lanes.spread(removed)
+        self.removed.from_numpy(stored)
+        self.touched.from_numpy((stored.any(axis=-1)).astype(np.uint8))
+
     @staticmethod
     def numpy_float() -> type[np.floating]:
         """NumPy's name for Taichi's default float."""
@@ -154,26 +240,46 @@ class Dynamics:
     # -------------------------------------------------------------------------------------
 
     @ti.func
-    def reference_vector(self, bar: ti.template(), spacing):
-        """Vector from a bar's first to its second node at rest, m."""
-        return ti.Vector([ti.static(float(x)) for x in BAR_VECTORS[bar]]) * spacing
+    def lane_values(self, table: ti.template(), code, entry: ti.template()):
+        """A table's entry for the byte of each lane."""
+        return ti.Vector([table[int(code[n])][entry] for n in ti.static(range(self.lanes.width))])
 
     @ti.func
-    def elongation(self, bar: ti.template(), now, k, j, i, spacing):
-        """Strain of a bar and its current length over its length at rest.
-
-        With q = (2 X.d + d.d) / L0^2 the length ratio is sqrt(1 + q) and the strain q / (1 + sqrt(1
-        + q)): no cancellation at small strain, exact at any rotation.
-        """
+    def difference(self, bar: ti.template(), axis: ti.template(), now, k, j, m):
+        """Displacement of a bar's second node less that of its first, along an axis, m."""
         first, second = ti.static(_ENDS[bar])
-        d = (
-            self.displacement[now, second[0], k + second[1][0], j + second[1][1], i + second[1][2]]
-            - self.displacement[now, first[0], k + first[1][0], j + first[1][1], i + first[1][2]]
+        a, b = ti.static(first[1], second[1])
+        return (
+            self.displacement[second[0]][axis][now, k + b[0], j + b[1], m + b[2]]
+            - self.displacement[first[0]][axis][now, k + a[0], j + a[1], m + a[2]]
         )
-        share = ti.static(1.0 if bar < 6 else 4.0 / 3.0)
-        q = (2 * self.reference_vector(bar, spacing) + d).dot(d) * (share / (spacing * spacing))
-        ratio = ti.sqrt(ti.max(1 + q, 1e-12))
-        return q / (1 + ratio), ratio
+
+    @ti.func
+    def product(self, bar: ti.template(), axis: ti.template(), d, spacing):
+        """(2 X + d) d along one axis."""
+        twice = ti.static(float(2 * BAR_VECTORS[bar][axis]))
+        result = d * d
+        if ti.static(twice != 0):
+            result = (d + twice * spacing) * d
+        return result
+
+    @ti.func
+    def stretch(self, bar: ti.template(), now, k, j, m, spacing):
+        """q = (l^2 - L0^2) / L0^2 = (2 X + d).d / L0^2 of a bar, in every lane.
+
+        The strain is q / (1 + sqrt(1 + q)): no cancellation at small strain, exact at any rotation.
+        """
+        x, y, z = ti.static(range(3))
+        square = (
+            self.product(bar, x, self.difference(bar, x, now, k, j, m), spacing)
+            + self.product(bar, y, self.difference(bar, y, now, k, j, m), spacing)
+        ) + self.product(bar, z, self.difference(bar, z, now, k, j, m), spacing)
+        return square * (ti.static(1.0 if bar < 6 else 4.0 / 3.0) / (spacing * spacing))
+
+    @ti.func
+    def strain(self, q):
+        """Strain of a bar from its stretch."""
+        return q / (1 + ti.sqrt(ti.max(1 + q, TINY)))
 
     @ti.func
     def integrity(self, bar: ti.template(), strain, peak):
@@ -208,137 +314,422 @@ class Dynamics:
         return 0 if bar < DIAGONAL.start else 1
 
     @ti.func
-    def site_forces(self, now, k, j, i, spacing, peak_strain):
-        """Axial force over current length of a site's fourteen bars."""
-        stiffness = self.stiffness[int(self.code[k, j, i])]
-        force = ti.Vector.zero(float, BARS_PER_SITE)
-        strain = ti.Vector.zero(float, BARS_PER_SITE)
-        largest = 0.0
+    def soften(self, strip, row, now, k, j, m, spacing, peak_strain):
+        """Bring a column's history up to date and take from its bars what they have lost."""
+        self.touched[k, j, m] = ti.u8(1)
         for bar in ti.static(range(BARS_PER_SITE)):
-            e, ratio = self.elongation(bar, now, k, j, i, spacing)
-            whole = stiffness[ti.static(STIFFNESS_KIND[bar])]
-            force[bar] = whole * e / ratio
-            if ti.static(self.features.notch):
-                if (self.removed[k, j, i] >> bar) & 1:
-                    force[bar] = 0.0
-                    e = 0.0
-            if ti.static(self.features.damage):
-                strain[bar] = e
-                # a bar that does not exist ends at a ghost node, which stays at rest
-                largest = ti.max(largest, ti.select(whole > 0, e, 0.0))
-        if ti.static(self.features.damage):
-            if self.touched[k, j, i] != 0 or largest > peak_strain:
-                self.touched[k, j, i] = ti.u8(1)
-                for bar in ti.static(range(BARS_PER_SITE)):
-                    peak = ti.max(self.peak[k, j, i][bar], strain[bar] / peak_strain)
-                    self.peak[k, j, i][bar] = peak
-                    force[bar] *= self.integrity(bar, strain[bar], peak)
-        self.axial[k, j, i] = force
+            strain = self.strain(self.stretch(bar, now, k, j, m, spacing))
+            for lane in range(self.lanes.width):
+                share = 1.0
+                if ti.static(self.features.notch):
+                    if (self.removed[k, j, m][lane] >> bar) & 1:
+                        share = 0.0
+                if ti.static(self.features.damage):
+                    if share > 0:
+                        peak = self.peak[bar][k, j, m][lane]
+                        if strain[lane] > peak * peak_strain:
+                            peak = strain[lane] / peak_strain
+                            self.peak[bar][k, j, m][lane] = peak
+                        share = self.integrity(bar, strain[lane], peak)
+                if share < 1:
+                    whole = self.axial[bar][strip, row, k, m][lane]
+                    self.axial[bar][strip, row, k, m][lane] = share * whole
 
     @ti.func
-    def bar_forces(self, now, spacing, peak_strain):
-        """Pass 1."""
-        for k, j, i in ti.ndrange(*[(1, n - 1) for n in ti.static(self.sites)]):
-            self.site_forces(now, k, j, i, spacing, peak_strain)
+    def column_forces(self, strip, row, now, k, j, m, spacing, peak_strain):
+        """Axial force over current length of the fourteen bars of a column's sites.
+
+        With r = l / L0 = sqrt(1 + q), EA/L0 (r - 1) / r = EA/L0 q / (r^2 + r).
+        """
+        code = self.code[k, j, m]
+        force = ti.Matrix.zero(float, BARS_PER_SITE, self.lanes.width)
+        # how far the forces are above that of a bar at eps_p; a bar that does not exist (stiffness
+        # 0) ends at a ghost node, which stays at rest, and never is
+        excess = ti.Vector.zero(float, self.lanes.width)
+        allowed = 1 / (1 + 1 / peak_strain)
+        for bar in ti.static(range(BARS_PER_SITE)):
+            whole = self.lane_values(self.stiffness, code, ti.static(STIFFNESS_KIND[bar]))
+            q = self.stretch(bar, now, k, j, m, spacing)
+            square = ti.max(1 + q, TINY)
+            pull = (whole * q) / (square + ti.sqrt(square))
+            for lane in ti.static(range(self.lanes.width)):
+                force[bar, lane] = pull[lane]
+            if ti.static(self.features.damage):
+                excess = ti.max(excess, pull - whole * allowed)
+        # all arithmetic before the first store: after it the compiler reloads every address
+        for bar in ti.static(range(BARS_PER_SITE)):
+            for lane in ti.static(range(self.lanes.width)):
+                self.axial[bar][strip, row, k, m][lane] = force[bar, lane]
+        if ti.static(self.features.history):
+            soft = self.touched[k, j, m] != 0
+            for lane in ti.static(range(self.lanes.width)):
+                soft |= excess[lane] > 0
+            if soft:
+                self.soften(strip, row, now, k, j, m, spacing, peak_strain)
+
+    @ti.func
+    def row_place(self, j):
+        """Where a strip keeps the bar scalars of row j; those of the ghost rows are always zero."""
+        place = j
+        if ti.static(self.on_cpu):
+            place = j % RING
+            if j == 0 or j == ti.static(self.sites[1] - 1):
+                place = RING
+        return place
+
+    @ti.func
+    def row_forces(self, strip, now, j, spacing, peak_strain):
+        """Pass 1 for a row of sites."""
+        if 0 < j < ti.static(self.sites[1] - 1):
+            for k in range(1, self.sites[0] - 1):
+                for m in range(HALO - 1, HALO + self.lanes.length + 1):
+                    self.column_forces(strip, self.row_place(j), now, k, j, m, spacing, peak_strain)
 
     # -- pass 2
     # -------------------------------------------------------------------------------------
 
     @ti.func
-    def node_force(self, sublattice: ti.template(), now, k, j, i, spacing):
-        """Sum of the bar forces on a node, N."""
-        here = self.displacement[now, sublattice, k, j, i]
-        force = ti.Vector.zero(float, 3)
-        for bar, home, sign, other, there in ti.static(ATTACHED[sublattice]):
-            axial = self.axial[k + home[0], j + home[1], i + home[2]][bar]
-            d = self.displacement[now, other, k + there[0], j + there[1], i + there[2]] - here
-            force += axial * (sign * self.reference_vector(bar, spacing) + d)
-        return force
+    def node_force(self, s: ti.template(), axis: ti.template(), strip, rows, now, k, j, m, spacing):
+        """Sum of the bar forces on a column's corner or centre nodes along an axis, N.
+
+        A bar with scalar a to the node that was X away pulls with a (X + u' - u); the sums of a u',
+        a and the lever arms X are taken apart, each in pairs.
+        """
+        a = [
+            self.axial[bar][strip, rows[home[1] + 1], k + home[0], m + home[2]]
+            for bar, home in ti.static(SCALARS[s])
+        ]
+        u = [
+            self.displacement[other][axis][now, k + there[0], j + there[1], m + there[2]]
+            for other, there in ti.static(NEIGHBOURS[s])
+        ]
+        moved = ((a[0] * u[0] + a[1] * u[1]) + (a[2] * u[2] + a[3] * u[3])) + (
+            (a[4] * u[4] + a[5] * u[5]) + (a[6] * u[6] + a[7] * u[7])
+        )
+        moved += ((a[8] * u[8] + a[9] * u[9]) + (a[10] * u[10] + a[11] * u[11])) + (
+            a[12] * u[12] + a[13] * u[13]
+        )
+        total = ((a[0] + a[1]) + (a[2] + a[3])) + ((a[4] + a[5]) + (a[6] + a[7]))
+        total += ((a[8] + a[9]) + (a[10] + a[11])) + (a[12] + a[13])
+        p, q = ti.static(LEVERS[axis])
+        lever = ((a[p[0]] - a[q[0]]) + (a[p[1]] - a[q[1]])) + (
+            (a[p[2]] - a[q[2]]) + (a[p[3]] - a[q[3]])
+        )
+        edges = a[ti.static(2 * axis)] - a[ti.static(2 * axis + 1)]
+        here = self.displacement[s][axis][now, k, j, m]
+        return moved + (spacing * (edges + ti.static(s - 0.5) * lever) - total * here)
 
     @ti.func
-    def free_velocity(self, sublattice: ti.template(), now, k, j, i, spacing, time_step, damping):
-        """Velocity of a node half a step from now if nothing rigid is in its way, m/s."""
-        inverse_mass = self.inverse_mass[int(self.code[k, j, i])][sublattice]
-        force = self.node_force(sublattice, now, k, j, i, spacing)
-        before = self.velocity[sublattice, k, j, i]
-        after = before + time_step * inverse_mass * force
+    def free_velocity(
+        self,
+        s: ti.template(),
+        axis: ti.template(),
+        strip,
+        rows,
+        now,
+        k,
+        j,
+        m,
+        spacing,
+        kick,
+        damping,
+    ):
+        """Velocity along an axis after a time ``kick`` if nothing rigid is in the way, m/s."""
+        inverse_mass = self.lane_values(self.inverse_mass, self.code[k, j, m], s)
+        force = self.node_force(s, axis, strip, rows, now, k, j, m, spacing)
+        before = self.velocity[s][axis][k, j, m]
+        after = before + (kick * inverse_mass) * force
         if ti.static(self.features.damping):
             # C = alpha M at the mean of the two velocities: implicit, but diagonal
-            half = 0.5 * damping * time_step
+            half = 0.5 * damping * kick
             after = (after - half * before) / (1 + half)
         return after
 
     @ti.func
-    def move_nodes(self, now, spacing, time_step, damping):
-        """Pass 2."""
-        for k, j, i in ti.ndrange(*[(1, n - 1) for n in ti.static(self.sites)]):
-            for s in ti.static((CORNER, CENTRE)):
-                after = self.free_velocity(s, now, k, j, i, spacing, time_step, damping)
-                if ti.static(self.features.damping):
-                    mean = 0.5 * (self.velocity[s, k, j, i] + after)
-                    mass = self.mass[int(self.code[k, j, i])][s]
-                    lost = damping * time_step * mass * mean.dot(mean)
-                    self.damped[s, k, j, i] = self.damped[s, k, j, i] + lost
-                self.velocity[s, k, j, i] = after
-                self.displacement[1 - now, s, k, j, i] = (
-                    self.displacement[now, s, k, j, i] + time_step * after
+    def move_column(
+        self, strip, rows, now, k, j, m, spacing, kick, drift, damping, measure: ti.template()
+    ):
+        """Pass 2 for a column; with ``measure``, its kinetic energy and loss by damping at t_n."""
+        sums = ti.Vector.zero(ti.f64, 2)
+        for s in ti.static((CORNER, CENTRE)):
+            for axis in ti.static(range(3)):
+                after = self.free_velocity(
+                    s, axis, strip, rows, now, k, j, m, spacing, kick, damping
                 )
+                if ti.static(measure or self.features.damping):
+                    sums += self.account(s, axis, k, j, m, after, kick, damping)
+                self.velocity[s][axis][k, j, m] = after
+                self.displacement[s][axis][1 - now, k, j, m] = (
+                    self.displacement[s][axis][now, k, j, m] + drift * after
+                )
+            if ti.static(measure and self.features.damping):
+                for lane in ti.static(range(self.lanes.width)):
+                    sums[1] += ti.cast(self.damped[s][k, j, m][lane], ti.f64)
+        self.repeat_halo(1 - now, k, j, m)
+        return sums
+
+    @ti.func
+    def account(self, s: ti.template(), axis: ti.template(), k, j, m, after, kick, damping):
+        """Book a column's loss by damping along an axis in this step.
+
+        Returns:
+            Its kinetic energy at t_n, and, negative, what of that loss belongs after t_n; J.
+        """
+        mass = self.lane_values(self.mass, self.code[k, j, m], s)
+        before = self.velocity[s][axis][k, j, m]
+        sums = ti.Vector.zero(ti.f64, 2)
+        for lane in ti.static(range(self.lanes.width)):
+            sums[0] += 0.5 * mass[lane] * before[lane] * after[lane]
+        if ti.static(self.features.damping):
+            mean = 0.5 * (before + after)
+            lost = (damping * kick) * mass * mean * mean
+            self.damped[s][k, j, m] = self.damped[s][k, j, m] + lost
+            half = (0.5 * damping * kick) * mass * mean * before - lost
+            for lane in ti.static(range(self.lanes.width)):
+                sums[1] += half[lane]
+        return sums
+
+    @ti.func
+    def repeat_halo(self, now, k, j, m):
+        """Copy a column's displacement to the columns that repeat it for another lane."""
+        length, width = ti.static(self.lanes.length, self.lanes.width)
+        if m < 2 * HALO:
+            for s, axis in ti.static(NODE_AXES):
+                for lane in ti.static(range(1, width)):
+                    self.displacement[s][axis][now, k, j, m + length][lane - 1] = self.displacement[
+                        s
+                    ][axis][now, k, j, m][lane]
+        if m >= length:
+            for s, axis in ti.static(NODE_AXES):
+                for lane in ti.static(range(width - 1)):
+                    self.displacement[s][axis][now, k, j, m - length][lane + 1] = self.displacement[
+                        s
+                    ][axis][now, k, j, m][lane]
+
+    @ti.func
+    def move_row(self, strip, j, now, spacing, kick, drift, damping, measure: ti.template()):
+        """Pass 2 for a row of nodes."""
+        rows = ti.Vector([self.row_place(j + offset) for offset in ti.static((-1, 0, 1))])
+        sums = ti.Vector.zero(ti.f64, 2)
+        for k in range(1, self.sites[0] - 1):
+            for m in range(HALO, HALO + self.lanes.length):
+                column = self.move_column(
+                    strip, rows, now, k, j, m, spacing, kick, drift, damping, measure
+                )
+                if ti.static(measure):
+                    sums += column
+        if ti.static(measure):
+            self.moving[j] = sums
+
+    @ti.func
+    def step_strip(
+        self, strip, now, spacing, kick, drift, damping, peak_strain, measure: ti.template()
+    ):
+        """Both passes for a strip of rows, a row of bars ahead of the nodes."""
+        inner, strips = ti.static(self.sites[1] - 2, self.strips)
+        begin, end = 1 + inner * strip // strips, 1 + inner * (strip + 1) // strips
+        for j in range(begin - 1, end + 1):
+            self.row_forces(strip, now, j, spacing, peak_strain)
+            if j > begin:
+                self.move_row(strip, j - 1, now, spacing, kick, drift, damping, measure)
+
+    @ti.kernel
+    def step(
+        self,
+        now: int,
+        spacing: float,
+        kick: float,
+        drift: float,
+        damping: float,
+        peak_strain: float,
+        measure: ti.template(),
+    ):
+        """Take a step: bar forces at ``now``, then the nodes.
+
+        Velocities change by the time ``kick``, displacements, into the other buffer, by the time
+        ``drift``, s; both are the time step in a run.
+        """
+        nz, ny, _ = ti.static(self.sites)
+        owned = ti.static((HALO, HALO + self.lanes.length))
+        if ti.static(self.on_cpu):
+            for turn in range(self.strips * TURNS):
+                if turn % TURNS == 0:
+                    self.step_strip(
+                        turn // TURNS, now, spacing, kick, drift, damping, peak_strain, measure
+                    )
+        else:
+            for j, k, m in ti.ndrange((1, ny - 1), (1, nz - 1), (owned[0] - 1, owned[1] + 1)):
+                self.column_forces(0, j, now, k, j, m, spacing, peak_strain)
+            if ti.static(measure):
+                for j in range(1, ny - 1):
+                    self.move_row(0, j, now, spacing, kick, drift, damping, measure)
+            else:
+                for j, k, m in ti.ndrange((1, ny - 1), (1, nz - 1), owned):
+                    rows = ti.Vector([j - 1, j, j + 1])
+                    self.move_column(0, rows, now, k, j, m, spacing, kick, drift, damping, measure)
+
+    def kick(self, now: int, time_step: float, damping: float = 0.0) -> None:
+        """Add a time step's worth of bar forces to the velocities and move nothing."""
+        d = self
+        d.step(now, d.lattice.spacing, time_step, 0.0, damping, d.peak_strain, False)
+
+    # -- single nodes
+    # -------------------------------------------------------------------------------------
+
+    @ti.func
+    def column_of(self, i):
+        """Column that owns site i of a row, and its lane there."""
+        lane = (i - 1) // self.lanes.length
+        return i - 1 - lane * self.lanes.length + HALO, lane
+
+    @ti.func
+    def site_of(self, m, lane):
+        """Site at a place of a row (ghosts beyond either end are clipped)."""
+        site = 1 + lane * self.lanes.length + m - HALO
+        return ti.max(0, ti.min(site, ti.static(self.sites[2] - 1)))
+
+    @ti.func
+    def node_mass(self, s, k, j, i):
+        """Mass of a node, kg; 0 where there is none."""
+        m, lane = self.column_of(i)
+        mass = self.mass[int(self.code[k, j, m][lane])]
+        chosen = mass[CORNER]
+        if s == CENTRE:
+            chosen = mass[CENTRE]
+        return chosen
+
+    @ti.func
+    def node_displacement(self, now, s, k, j, i):
+        """Displacement of a node, m."""
+        m, lane = self.column_of(i)
+        u = ti.Vector.zero(float, 3)
+        for sublattice, axis in ti.static(NODE_AXES):
+            if s == sublattice:
+                u[axis] = self.displacement[sublattice][axis][now, k, j, m][lane]
+        return u
+
+    @ti.func
+    def node_velocity(self, s, k, j, i):
+        """Velocity of a node, m/s."""
+        m, lane = self.column_of(i)
+        v = ti.Vector.zero(float, 3)
+        for sublattice, axis in ti.static(NODE_AXES):
+            if s == sublattice:
+                v[axis] = self.velocity[sublattice][axis][k, j, m][lane]
+        return v
+
+    @ti.func
+    def put_node(self, now, s, k, j, i, displacement, velocity):
+        """Set a node's displacement (m) and velocity (m/s)."""
+        m, lane = self.column_of(i)
+        length, width = ti.static(self.lanes.length, self.lanes.width)
+        for sublattice, axis in ti.static(NODE_AXES):
+            if s == sublattice:
+                self.velocity[sublattice][axis][k, j, m][lane] = velocity[axis]
+                u = ti.static(self.displacement[sublattice][axis])
+                u[now, k, j, m][lane] = displacement[axis]
+                if m < 2 * HALO and lane > 0:
+                    u[now, k, j, m + length][lane - 1] = displacement[axis]
+                if m >= length and lane < width - 1:
+                    u[now, k, j, m - length][lane + 1] = displacement[axis]
+
+    @ti.func
+    def add_damped(self, s, k, j, i, energy):
+        """Add to the energy that a node has lost by damping, J."""
+        m, lane = self.column_of(i)
+        for sublattice in ti.static((CORNER, CENTRE)):
+            if s == sublattice:
+                lost = self.damped[sublattice][k, j, m][lane] + energy
+                self.damped[sublattice][k, j, m][lane] = lost
+
+    # -- exchange with the host
+    # -------------------------------------------------------------------------------------
 
     @ti.kernel
     def set_displacement(self, now: int, values: ti.types.ndarray()):
-        """Copy (2, *S, 3) values into a buffer, m."""
-        for s, k, j, i in ti.ndrange(2, *self.sites):
-            for axis in ti.static(range(3)):
-                self.displacement[now, s, k, j, i][axis] = ti.cast(values[s, k, j, i, axis], float)
+        """Copy (2, nz + 3, ny + 3, nx + 3, 3) values into a buffer, m; ghosts must be zero."""
+        for k, j, m in ti.ndrange(*self.shape):
+            for lane in range(self.lanes.width):
+                for s, axis in ti.static(NODE_AXES):
+                    value = ti.cast(values[s, k, j, self.site_of(m, lane), axis], float)
+                    self.displacement[s][axis][now, k, j, m][lane] = value
 
     @ti.kernel
     def get_displacement(self, now: int, values: ti.types.ndarray()):
-        """Copy a buffer into (2, *S, 3) values, m."""
-        for s, k, j, i in ti.ndrange(2, *self.sites):
-            for axis in ti.static(range(3)):
-                values[s, k, j, i, axis] = self.displacement[now, s, k, j, i][axis]
-
-    @ti.kernel
-    def get_force(self, now: int, spacing: float, values: ti.types.ndarray()):
-        """Sum the bar forces of the last ``forces`` at all nodes into (2, *S, 3) values, N."""
+        """Copy a buffer into (2, nz + 3, ny + 3, nx + 3, 3) values, m; ghosts are left."""
         for k, j, i in ti.ndrange(*[(1, n - 1) for n in ti.static(self.sites)]):
-            for s in ti.static((CORNER, CENTRE)):
-                force = self.node_force(s, now, k, j, i, spacing)
-                for axis in ti.static(range(3)):
-                    values[s, k, j, i, axis] = force[axis]
+            m, lane = self.column_of(i)
+            for s, axis in ti.static(NODE_AXES):
+                values[s, k, j, i, axis] = self.displacement[s][axis][now, k, j, m][lane]
 
     @ti.kernel
-    def forces(self, now: int, spacing: float, peak_strain: float):
-        """Pass 1 at the displacement ``now``."""
-        self.bar_forces(now, spacing, peak_strain)
+    def _set_velocity(self, values: ti.types.ndarray()):
+        for k, j, m in ti.ndrange(*self.shape):
+            for lane in range(self.lanes.width):
+                for s, axis in ti.static(NODE_AXES):
+                    value = ti.cast(values[s, k, j, self.site_of(m, lane), axis], float)
+                    self.velocity[s][axis][k, j, m][lane] = value
 
     @ti.kernel
-    def kick(self, now: int, spacing: float, time_step: float, damping: float):
-        """Add a time step's worth of bar forces to the velocities and move nothing."""
+    def _get_velocity(self, values: ti.types.ndarray()):
         for k, j, i in ti.ndrange(*[(1, n - 1) for n in ti.static(self.sites)]):
-            for s in ti.static((CORNER, CENTRE)):
-                self.velocity[s, k, j, i] = self.free_velocity(
-                    s, now, k, j, i, spacing, time_step, damping
-                )
+            m, lane = self.column_of(i)
+            for s, axis in ti.static(NODE_AXES):
+                values[s, k, j, i, axis] = self.velocity[s][axis][k, j, m][lane]
+
+    def set_velocity(self, values: npt.NDArray[np.float64]) -> None:
+        """Set all velocities from (2, nz + 3, ny + 3, nx + 3, 3) values, m/s; ghosts zero."""
+        self._set_velocity(np.ascontiguousarray(values, dtype=np.float64))
+
+    def get_velocity(self) -> npt.NDArray[np.float64]:
+        """(2, nz + 3, ny + 3, nx + 3, 3) velocities of all nodes, m/s."""
+        values = np.zeros((2, *self.sites, 3))
+        self._get_velocity(values)
+        return values
+
+    def get_acceleration(self, now: int) -> npt.NDArray[np.float64]:
+        """(2, nz + 3, ny + 3, nx + 3, 3) M^-1 F of the bar forces at a buffer's displacement, m/s2.
+
+        Evaluated by the step itself, from rest and for a second, so it is the run's own operator.
+        The history takes note of the displacement; the other buffer is overwritten with it.
+        """
+        kept = self.get_velocity()
+        self.set_velocity(np.zeros_like(kept))
+        self.kick(now, 1.0)
+        found = self.get_velocity()
+        self.set_velocity(kept)
+        return found
+
+    def get_force(self, now: int) -> npt.NDArray[np.float64]:
+        """(2, nz + 3, ny + 3, nx + 3, 3) sum of the bar forces at all nodes, N; see above."""
+        mass = np.moveaxis(self.mass.to_numpy()[self.lattice.code], -1, 0)
+        return mass[..., None] * self.get_acceleration(now)
 
     @ti.kernel
     def collect_broken(self, found: ti.types.ndarray(), count: ti.types.ndarray()):
         """Append bars broken since the last call, in any order, for ``new_broken``."""
-        for k, j, i in self.touched:
-            if self.touched[k, j, i] != 0:
-                recorded = int(self.recorded[k, j, i])
-                weight = self.stiffness[int(self.code[k, j, i])]
-                for bar in ti.static(range(BARS_PER_SITE)):
-                    failure = self.softening[ti.static(self.softening_row(bar))][0]
-                    broken = weight[ti.static(STIFFNESS_KIND[bar])] > 0
-                    broken &= self.peak[k, j, i][bar] >= failure
-                    if broken and (recorded >> bar) & 1 == 0:
-                        place = ti.atomic_add(count[0], 1)
-                        if place < found.shape[0]:
-                            found[place, 0], found[place, 1] = k, j
-                            found[place, 2], found[place, 3] = i, bar
-                            recorded |= 1 << bar
-                self.recorded[k, j, i] = ti.cast(recorded, ti.u16)
+        nz, ny, _ = ti.static(self.shape)
+        for k, j, m in ti.ndrange(nz, ny, (HALO, HALO + self.lanes.length)):
+            if self.touched[k, j, m] != 0:
+                for lane in range(self.lanes.width):
+                    self.collect_at(k, j, m, lane, found, count)
+
+    @ti.func
+    def collect_at(self, k, j, m, lane, found: ti.template(), count: ti.template()):
+        """Append a site's bars broken since the last call."""
+        recorded = int(self.recorded[k, j, m][lane])
+        weight = self.stiffness[int(self.code[k, j, m][lane])]
+        for bar in ti.static(range(BARS_PER_SITE)):
+            failure = self.softening[ti.static(self.softening_row(bar))][0]
+            broken = weight[ti.static(STIFFNESS_KIND[bar])] > 0
+            broken &= self.peak[bar][k, j, m][lane] >= failure
+            if broken and (recorded >> bar) & 1 == 0:
+                place = ti.atomic_add(count[0], 1)
+                if place < found.shape[0]:
+                    found[place, 0], found[place, 1] = k, j
+                    found[place, 2], found[place, 3] = self.site_of(m, lane), bar
+                    recorded |= 1 << bar
+        self.recorded[k, j, m][lane] = ti.cast(recorded, ti.u16)
 
     def new_broken(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
         """Sites (n, 3) as k, j, i and numbers (n,) of bars broken since the last call, in order."""
@@ -353,6 +744,10 @@ class Dynamics:
         broken = np.concatenate(rows).astype(np.int64)
         broken = broken[np.lexsort(broken.T[::-1])]
         return broken[:, :3], broken[:, 3]
+
+    def recorded_bits(self) -> npt.NDArray[np.uint16]:
+        """(nz + 3, ny + 3, nx + 3) one bit for each bar reported broken."""
+        return self.lanes.gather(self.recorded.to_numpy())
 
 
 def field_bytes(field: ti.Field) -> int:

@@ -108,7 +108,7 @@ class Simulation:
         )
         self.dynamics = Dynamics(lattice, bars, material.density, features)
         if features.notch:
-            self.dynamics.removed.from_numpy(notch_bars(scene, lattice))
+            self.dynamics.set_removed(notch_bars(scene, lattice))
         self.spacing, self.damping = lattice.spacing, solver.damping
         self.peak_strain = self.dynamics.peak_strain
         self.critical_time_step = stability.critical_time_step(self.dynamics)
@@ -155,20 +155,19 @@ class Simulation:
         return self.step_number * self.time_step
 
     @ti.kernel
-    def _move(self, now: int, spacing: float, time_step: float, damping: float):
-        self.dynamics.move_nodes(now, spacing, time_step, damping)
+    def _contact(self, now: int, spacing: float, time_step: float, damping: float):
         if ti.static(self.has_rings):
             self.rings.resolve(now, spacing, time_step, damping)  # type: ignore[union-attr]
         if ti.static(self.has_striker):
             self.striker.resolve(now, spacing, time_step, damping)  # type: ignore[union-attr]
 
-    def _forces(self) -> None:
+    def _step(self, measure: bool) -> None:
         if self.step_number % STEPS_BETWEEN_LISTS == 0:
             self._list_candidates()
-        self.dynamics.forces(self.now, self.spacing, self.peak_strain)
-
-    def _advance(self) -> None:
-        self._move(self.now, self.spacing, self.time_step, self.damping)
+        dt, spacing = self.time_step, self.spacing
+        self.dynamics.step(self.now, spacing, dt, dt, self.damping, self.peak_strain, measure)
+        if self.has_rings or self.has_striker:
+            self._contact(self.now, spacing, dt, self.damping)
         self.now = 1 - self.now
         self.step_number += 1
 
@@ -188,8 +187,7 @@ class Simulation:
     def advance(self, steps: int) -> None:
         """Take a number of steps without looking."""
         for _ in range(steps):
-            self._forces()
-            self._advance()
+            self._step(False)
 
     def start_from(
         self, displacement: npt.NDArray[np.float64], velocity: npt.NDArray[np.float64]
@@ -197,25 +195,24 @@ class Simulation:
         """Set the state at t = 0: (2, *S, 3) arrays, corner then centre, m and m/s."""
         dynamics = self.dynamics
         dynamics.set_displacement(self.now, np.ascontiguousarray(displacement, dtype=np.float64))
-        dynamics.velocity.from_numpy(velocity.astype(dynamics.numpy_float()))
-        dynamics.forces(self.now, self.spacing, self.peak_strain)
-        dynamics.kick(self.now, self.spacing, -0.5 * self.time_step, self.damping)
+        dynamics.set_velocity(velocity)
+        dynamics.kick(self.now, -0.5 * self.time_step, self.damping)
+        if dynamics.features.damping:
+            for field in dynamics.damped:
+                field.fill(0)
 
     # -- sampling
     # -----------------------------------------------------------------------------------
 
     def sample_step(self) -> Sample:
         """Take one step and return the state at its start, with energies centred there."""
-        self._forces()
-        energies = self.energies
-        energies.potential(self.now)
-        energies.kinetic(self.now, self.time_step, self.damping)
         bodies = [b for b in (self.rings, self.striker) if b is not None]
         lost = sum(float(b.collected()[LOSS_AFTER]) for b in bodies)
         moved = self.striker.motion()[0] if self.striker is not None else 0.0
-        total = energies.total()
         step, at = self.step_number, self.time
-        self._advance()
+        self._step(True)
+        self.energies.potential(1 - self.now)
+        total = self.energies.total()
         contact = [b.collected() for b in bodies]
         lost += sum(float(c[LOSS_BEFORE]) for c in contact)
         kinetic = float(total[KINETIC]) + sum(float(c[PLATE_BEFORE]) for c in contact)
@@ -300,7 +297,7 @@ class Simulation:
 
     def _worst_node(self) -> str:
         """Place of the first node whose velocity is not finite, or else of the fastest."""
-        speed = np.linalg.norm(self.dynamics.velocity.to_numpy(), axis=-1)
+        speed = np.linalg.norm(self.dynamics.get_velocity(), axis=-1)
         bad = ~np.isfinite(speed)
         index = np.argmax(bad) if bad.any() else np.argmax(speed)
         place = np.unravel_index(index, speed.shape)
@@ -310,43 +307,47 @@ class Simulation:
 
     def compile(self) -> None:
         """Compile every kernel that a run needs; nothing has moved afterwards."""
-        self._forces()
         bodies = [b for b in (self.rings, self.striker) if b is not None]
+        self._list_candidates()
+        for measure in (False, True):
+            self._rest(measure)
         listed = [body.listed() for body in bodies]
         for body in bodies:
             body.set_nodes(np.zeros(0, dtype=np.int32), 0)
         state = self.striker.state.to_numpy() if self.striker is not None else None
-        self._move(self.now, self.spacing, self.time_step, self.damping)
+        if bodies:
+            self._contact(self.now, self.spacing, self.time_step, self.damping)
         if self.striker is not None:
             self.striker.state.from_numpy(state)
         for body, nodes in zip(bodies, listed, strict=True):
             body.set_nodes(nodes, len(nodes))
         self.energies.potential(self.now)
-        self.energies.kinetic(self.now, self.time_step, self.damping)
         if self.dynamics.features.damage:
             self.dynamics.new_broken()
 
-    def measure_step(self) -> float:
-        """Seconds that a step takes here, from a few at rest; nothing moves.
+    def _rest(self, measure: bool) -> None:
+        """Take a step of no length: all the work, and nothing moves."""
+        d = self.dynamics
+        d.step(self.now, self.spacing, 0.0, 0.0, 0.0, self.peak_strain, measure)
 
-        Moving the nodes is as much work as summing their kinetic energy; contact comes on top.
-        """
+    def measure_step(self) -> float:
+        """Seconds that a step takes here, from a few at rest; contact comes on top."""
         started = time.perf_counter()
         for _ in range(3):
-            self.dynamics.forces(self.now, self.spacing, self.peak_strain)
-            self.energies.kinetic(self.now, self.time_step, self.damping)
+            self._rest(False)
         ti.sync()
         return (time.perf_counter() - started) / 3
 
     def field_bytes(self) -> dict[str, int]:
         """Bytes of every field that was built for the scene."""
-        parts = {"": self.dynamics, "rings.": self.rings, "striker.": self.striker}
         sizes = {
-            f"{prefix}{name}": field_bytes(value)
-            for prefix, part in parts.items()
-            for name, value in vars(part or object).items()
-            if isinstance(value, ti.Field)
+            name: sum(field_bytes(field) for field in fields)
+            for name, fields in self.dynamics.fields().items()
         }
+        for prefix, part in (("rings.", self.rings), ("striker.", self.striker)):
+            for name, value in vars(part or object).items():
+                if isinstance(value, ti.Field):
+                    sizes[prefix + name] = field_bytes(value)
         return sizes | {"energies.rows": field_bytes(self.energies.rows)}
 
     # -- results
@@ -375,7 +376,7 @@ class Simulation:
     def broken_fraction(self) -> npt.NDArray[np.float64]:
         """(nz, ny, nx) share of each module's twenty bars (Fig. 1(a)) reported broken."""
         nz, ny, nx = self.dynamics.lattice.mask.shape
-        recorded = self.dynamics.recorded.to_numpy()
+        recorded = self.dynamics.recorded_bits()
 
         def broken(bar: int, dz: int = 0, dy: int = 0, dx: int = 0) -> npt.NDArray[np.int64]:
             at = recorded[1 + dz : 1 + dz + nz, 1 + dy : 1 + dy + ny, 1 + dx : 1 + dx + nx]

@@ -26,19 +26,16 @@ def critical_time_step(dynamics: Dynamics) -> float:
     from scipy.sparse.linalg import LinearOperator, eigsh
 
     shape = (2, *dynamics.sites, 3)
-    spacing = dynamics.lattice.spacing
-    inverse = dynamics.inverse_mass.to_numpy()[dynamics.lattice.code]
-    root = np.sqrt(np.moveaxis(inverse, -1, 0)).astype(np.float64)[..., None]
-    amplitude = 1e-6 * spacing
-    force = np.zeros(shape)
+    mass = dynamics.mass.to_numpy()[dynamics.lattice.code].astype(np.float64)
+    root = np.sqrt(np.moveaxis(mass, -1, 0))[..., None]
+    inverse = np.divide(1.0, root, out=np.zeros_like(root), where=root > 0)
+    amplitude = 1e-6 * dynamics.lattice.spacing / inverse.max()
     now = 0
 
     def apply(vector: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         # strains of 1e-6 and less: the non-linear kernels answer linearly
-        dynamics.set_displacement(now, root / root.max() * vector.reshape(shape) * amplitude)
-        dynamics.forces(now, spacing, np.inf)
-        dynamics.get_force(now, spacing, force)
-        return (-force * root * root.max() / amplitude).ravel()
+        dynamics.set_displacement(now, amplitude * inverse * vector.reshape(shape))
+        return (-root * dynamics.get_acceleration(now) / amplitude).ravel()
 
     size = int(np.prod(shape))
     operator = LinearOperator((size, size), matvec=apply, dtype=np.float64)
@@ -52,5 +49,6 @@ def critical_time_step(dynamics: Dynamics) -> float:
         tol=TOLERANCE,
         return_eigenvectors=False,
     )
-    dynamics.set_displacement(now, np.zeros(shape))
+    for buffer in (0, 1):
+        dynamics.set_displacement(buffer, np.zeros(shape))
     return float(2 / np.sqrt(value[0]))

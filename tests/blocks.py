@@ -39,9 +39,9 @@ def block_scene(
 def restart(simulation: "Simulation") -> "Simulation":
     """Put a plate back to its first step, at rest and whole (a striker stays where it is)."""
     dynamics = simulation.dynamics
-    for name in ("displacement", "velocity", "axial", "peak", "touched", "recorded", "damped"):
-        if hasattr(dynamics, name):
-            getattr(dynamics, name).fill(0)
+    for name in ("displacement", "velocity", "peak", "touched", "recorded", "damped"):
+        for field in dynamics.fields().get(name, []):
+            field.fill(0)
     simulation.now = simulation.step_number = 0
     simulation._start = simulation._last = None
     return simulation
@@ -64,6 +64,8 @@ class Breakable:
     spacing = 0.3e-3  # K_r of 2.3 and 2.7
 
     def __init__(self, law: str):
+        from bars import BarForces
+
         from taichi_ldem.dynamics import Dynamics, Features
         from taichi_ldem.energy import EnergySums
 
@@ -71,6 +73,7 @@ class Breakable:
         self.law = law
         self.bars = mat.bar_families(Material(**PMMA | DAMAGE), self.spacing)
         self.dynamics = Dynamics(lattice, self.bars, PMMA["density"], Features(law=law))
+        self.bar_forces = BarForces(self.dynamics)
         self.sums = EnergySums(self.dynamics)
         self.body = Body(lattice.mask, self.spacing)
 
@@ -79,24 +82,26 @@ class Breakable:
         self.bars = mat.bar_families(Material(**PMMA | DAMAGE | material), self.spacing)
         self.dynamics.set_bars(self.bars)
         for name in ("peak", "touched", "recorded"):
-            getattr(self.dynamics, name).fill(0)
+            for field in self.dynamics.fields()[name]:
+                field.fill(0)
         return self
 
     def put(self, displacement: np.ndarray) -> None:
         """Place the nodes, (nodes, 3) m, and update the bars."""
         self.dynamics.set_displacement(0, self.body.spread(displacement))
-        self.dynamics.forces(0, self.spacing, self.dynamics.peak_strain)
+        self.dynamics.get_acceleration(0)
 
     def pulls(self) -> np.ndarray:
         """(bars,) axial forces over current length, N/m."""
-        axial = self.dynamics.axial.to_numpy()
-        return self.body.bar_values(axial, self.dynamics.lattice.bar_midpoints)
+        return self.body.bar_values(self.axial(), self.dynamics.lattice.bar_midpoints)
+
+    def axial(self) -> np.ndarray:
+        """(S, 14) axial forces over current length in the program's layout, N/m."""
+        return self.bar_forces.read(0)
 
     def node_forces(self) -> np.ndarray:
         """(nodes, 3) N."""
-        force = np.zeros((2, *self.dynamics.sites, 3))
-        self.dynamics.get_force(0, self.spacing, force)
-        return force[self.body.index]
+        return self.dynamics.get_force(0)[self.body.index]
 
     def energies(self) -> tuple[float, float, int]:
         """Strain and dissipated energy (J), broken bars."""

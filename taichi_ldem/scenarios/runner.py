@@ -107,7 +107,7 @@ class FieldOutput:
         """Write the fields of the last sampled step."""
         s = self.simulation
         displacement = s.displacement_before()[0][self.at]
-        velocity = s.dynamics.velocity.to_numpy()[0][self.at]
+        velocity = s.dynamics.get_velocity()[0][self.at]
         fraction = np.zeros(int(self.module.sum()))
         if self.damage:
             fraction = s.broken_fraction()[self.module]

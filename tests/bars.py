@@ -1,0 +1,35 @@
+"""Reads what single bars carry; import it once Taichi has started."""
+
+import numpy as np
+import taichi as ti
+
+from taichi_ldem.dynamics import BARS_PER_SITE, Dynamics
+from taichi_ldem.lanes import HALO
+
+
+@ti.data_oriented
+class BarForces:
+    """Pass 1 alone, row by row."""
+
+    def __init__(self, dynamics: Dynamics):
+        self.dynamics = dynamics
+
+    @ti.kernel
+    def row(self, j: int, now: int, spacing: float, peak: float, values: ti.types.ndarray()):
+        """Copy the scalars of a row of sites into (S, 14) values."""
+        row = self.dynamics.row_place(j)
+        for k in range(1, self.dynamics.sites[0] - 1):
+            for m in range(HALO, HALO + self.dynamics.lanes.length):
+                self.dynamics.column_forces(0, row, now, k, j, m, spacing, peak)
+                for lane in ti.static(range(self.dynamics.lanes.width)):
+                    site = self.dynamics.site_of(m, lane)
+                    for bar in ti.static(range(BARS_PER_SITE)):
+                        values[k, j, site, bar] = self.dynamics.axial[bar][0, row, k, m][lane]
+
+    def read(self, now: int) -> np.ndarray:
+        """(S, 14) axial force over current length, N/m."""
+        d = self.dynamics
+        values = np.zeros((*d.sites, BARS_PER_SITE))
+        for j in range(1, d.sites[1] - 1):
+            self.row(j, now, d.lattice.spacing, d.peak_strain, values)
+        return values
