@@ -1,5 +1,6 @@
 """A simulation built from exactly what its scene names."""
 
+import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -9,12 +10,13 @@ import numpy.typing as npt
 import taichi as ti
 
 from taichi_ldem import stability
-from taichi_ldem.contact import IMPULSE, LOSS_AFTER, LOSS_BEFORE, PLATE_BEFORE, Rings, Striker
+from taichi_ldem.contact import IMPULSE, LOSS_AFTER, LOSS_BEFORE, PLATE_BEFORE, Grips, Rings, Striker
 from taichi_ldem.dynamics import Dynamics, Features, field_bytes
 from taichi_ldem.energy import BROKEN, DAMPED, FRACTURE, KINETIC, STRAIN, EnergySums, Ledger
-from taichi_ldem.lattice import Lattice, disc, prism
+from taichi_ldem.gauge import Gauge
+from taichi_ldem.lattice import Lattice, cut_out, disc, dumbbell_half_width, prism
 from taichi_ldem.material import check
-from taichi_ldem.scene import Scene, SceneError
+from taichi_ldem.scene import Plate, Scene, SceneError
 
 WARN_ERROR, STOP_ERROR = 0.01, 0.05
 """Energy errors at which a run warns and stops."""
@@ -40,6 +42,9 @@ class Sample:
         striker_displacement (m), striker_velocity (m/s): positive towards the plate; None without.
         striker_force: impulse over the time since the last sample, N; None without a striker.
         ring_force: the same for what holds the plate, positive against the striker; None without.
+        grip_displacement: how far the grips have moved apart, m; None without grips.
+        grip_force: their mean pull, impulse over the time since the last sample, N; None without.
+        gauge_strain, gauge_lateral_strain: see ``Gauge``; None without grips.
     """
 
     time: float
@@ -52,6 +57,10 @@ class Sample:
     striker_velocity: float | None = None
     striker_force: float | None = None
     ring_force: float | None = None
+    grip_displacement: float | None = None
+    grip_force: float | None = None
+    gauge_strain: float | None = None
+    gauge_lateral_strain: float | None = None
 
 
 def build_lattice(scene: Scene) -> Lattice:
@@ -60,7 +69,23 @@ def build_lattice(scene: Scene) -> Lattice:
     mask = prism(*plate.modules)
     if plate.diameter is not None:
         mask = disc(*plate.modules, plate.diameter / plate.spacing)
+    elif plate.shape == "dumbbell" or plate.angle:
+        mask = _specimen(plate)
     return Lattice(mask, plate.spacing, plate.surface_weights)
+
+
+def _specimen(plate: Plate) -> npt.NDArray[np.bool_]:
+    """Mask of a dumb-bell, or of a prism that is cut at an angle to the lattice."""
+    edge = plate.spacing
+    length, width = (side / edge for side in plate.size[:2])
+
+    def half_width(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        if plate.narrow_width and plate.narrow_length and plate.fillet_radius:
+            narrow = (plate.narrow_width, plate.narrow_length, plate.fillet_radius)
+            return dumbbell_half_width(x, width, *(value / edge for value in narrow))
+        return np.full_like(x, width / 2)
+
+    return cut_out(*plate.modules, length, half_width, math.radians(plate.angle))
 
 
 def notch_bars(scene: Scene, lattice: Lattice) -> npt.NDArray[np.uint16]:
@@ -88,7 +113,7 @@ class Simulation:
 
     Attributes:
         dynamics: the lattice's fields and kernels.
-        striker, rings: None where the scene has none.
+        striker, rings, grips, gauge: None where the scene has none.
         time_step, critical_time_step: s.
         step_number: of the next step; the displacement at ``time`` lies in buffer ``now``.
 
@@ -121,11 +146,16 @@ class Simulation:
         self.striker = (
             Striker(self.dynamics, scene.striker, self.time_step) if scene.striker else None
         )
+        self.has_grips, angle = scene.grips is not None, math.radians(scene.plate.angle)
+        self.grips = Grips(self.dynamics, scene.grips, angle) if scene.grips else None
+        self.gauge = None
+        if scene.grips and scene.grips.gauge_length:
+            self.gauge = Gauge(self.dynamics, angle, scene.grips.gauge_length)
         self.energies = EnergySums(self.dynamics)
         self.now, self.step_number = 0, 0
         self._start: Ledger | None = None
         self._last: Sample | None = None
-        self._impulses = np.zeros(2)
+        self._impulses = np.zeros(3)
 
     def _choose_time_step(self) -> tuple[float, int]:
         """Time step and the number of steps between two samples.
@@ -161,6 +191,8 @@ class Simulation:
             self.rings.resolve(now, spacing, time_step, damping)  # type: ignore[union-attr]
         if ti.static(self.has_striker):
             self.striker.resolve(now, spacing, time_step, damping)  # type: ignore[union-attr]
+        if ti.static(self.has_grips):
+            self.grips.resolve(now, spacing, time_step, damping)  # type: ignore[union-attr]
 
     def _forces(self) -> None:
         if self.step_number % STEPS_BETWEEN_LISTS == 0:
@@ -210,14 +242,16 @@ class Simulation:
         energies = self.energies
         energies.potential(self.now)
         energies.kinetic(self.now, self.time_step, self.damping)
-        bodies = [b for b in (self.rings, self.striker) if b is not None]
-        lost = sum(float(b.collected()[LOSS_AFTER]) for b in bodies)
+        bodies = [b for b in (self.rings, self.striker, self.grips) if b is not None]
+        given = [float(b.collected()[LOSS_AFTER]) for b in bodies]
         moved = self.striker.motion()[0] if self.striker is not None else 0.0
         total = energies.total()
         step, at = self.step_number, self.time
         self._advance()
         contact = [b.collected() for b in bodies]
-        lost += sum(float(c[LOSS_BEFORE]) for c in contact)
+        given = [g + float(c[LOSS_BEFORE]) for g, c in zip(given, contact, strict=True)]
+        # what grips take is no loss but their work, with the other sign
+        lost = sum(g for g, b in zip(given, bodies, strict=True) if b is not self.grips)
         kinetic = float(total[KINETIC]) + sum(float(c[PLATE_BEFORE]) for c in contact)
         striker = self.scene.striker
         kinetic_striker = external = 0.0
@@ -225,6 +259,7 @@ class Simulation:
             _, before, after = self.striker.motion()
             kinetic_striker = 0.5 * striker.mass * before * after
             external = striker.mass * striker.gravity * moved
+        external += lost - sum(given)
         ledger = Ledger(
             kinetic,
             kinetic_striker,
@@ -241,8 +276,8 @@ class Simulation:
         if self._start is None:
             self._start = ledger
         since = at - self._last.time if self._last is not None else self.time_step
-        forces: list[float | None] = [None, None]
-        for n, body in enumerate((self.striker, self.rings)):
+        forces: list[float | None] = [None, None, None]
+        for n, body in enumerate((self.striker, self.rings, self.grips)):
             if body is not None:
                 impulse = float(body.collected()[IMPULSE])
                 forces[n] = (impulse - self._impulses[n]) / since
@@ -262,6 +297,9 @@ class Simulation:
             velocity,
             -forces[0] if forces[0] is not None else None,
             forces[1],
+            self.grips.separation_at(at) if self.grips is not None else None,
+            forces[2],
+            *(self.gauge.strains(1 - self.now) if self.gauge is not None else ()),
         )
 
     def samples(self) -> Iterator[Sample]:
@@ -311,18 +349,21 @@ class Simulation:
     def compile(self) -> None:
         """Compile every kernel that a run needs; nothing has moved afterwards."""
         self._forces()
-        bodies = [b for b in (self.rings, self.striker) if b is not None]
+        bodies = [b for b in (self.rings, self.striker, self.grips) if b is not None]
         listed = [body.listed() for body in bodies]
         for body in bodies:
             body.set_nodes(np.zeros(0, dtype=np.int32), 0)
-        state = self.striker.state.to_numpy() if self.striker is not None else None
+        moved = [body for body in (self.striker, self.grips) if body is not None]
+        states = [body.state.to_numpy() for body in moved]
         self._move(self.now, self.spacing, self.time_step, self.damping)
-        if self.striker is not None:
-            self.striker.state.from_numpy(state)
+        for body, state in zip(moved, states, strict=True):
+            body.state.from_numpy(state)
         for body, nodes in zip(bodies, listed, strict=True):
             body.set_nodes(nodes, len(nodes))
         self.energies.potential(self.now)
         self.energies.kinetic(self.now, self.time_step, self.damping)
+        if self.gauge is not None:
+            self.gauge.strains(self.now)
         if self.dynamics.features.damage:
             self.dynamics.new_broken()
 
@@ -341,6 +382,7 @@ class Simulation:
     def field_bytes(self) -> dict[str, int]:
         """Bytes of every field that was built for the scene."""
         parts = {"": self.dynamics, "rings.": self.rings, "striker.": self.striker}
+        parts |= {"grips.": self.grips, "gauge.": self.gauge}
         sizes = {
             f"{prefix}{name}": field_bytes(value)
             for prefix, part in parts.items()
