@@ -160,7 +160,9 @@ class Plate(_Table):
                 raise _refuse("plate.shape", self.shape, f"needs plate.{key}")
         if self.shape != "dumbbell":
             return
-        assert self.narrow_width and self.narrow_length and self.fillet_radius
+        assert self.narrow_width is not None
+        assert self.narrow_length is not None
+        assert self.fillet_radius is not None
         step = (self.size[1] - self.narrow_width) / 2
         if not 0 < step <= self.fillet_radius:
             lower = max(self.spacing, self.size[1] - 2 * self.fillet_radius)

@@ -10,7 +10,15 @@ import numpy.typing as npt
 import taichi as ti
 
 from taichi_ldem import stability
-from taichi_ldem.contact import IMPULSE, LOSS_AFTER, LOSS_BEFORE, PLATE_BEFORE, Grips, Rings, Striker
+from taichi_ldem.contact import (
+    IMPULSE,
+    LOSS_AFTER,
+    LOSS_BEFORE,
+    PLATE_BEFORE,
+    Grips,
+    Rings,
+    Striker,
+)
 from taichi_ldem.dynamics import Dynamics, Features, field_bytes
 from taichi_ldem.energy import BROKEN, DAMPED, FRACTURE, KINETIC, STRAIN, EnergySums, Ledger
 from taichi_ldem.gauge import Gauge
@@ -381,8 +389,9 @@ class Simulation:
 
     def field_bytes(self) -> dict[str, int]:
         """Bytes of every field that was built for the scene."""
-        parts = {"": self.dynamics, "rings.": self.rings, "striker.": self.striker}
-        parts |= {"grips.": self.grips, "gauge.": self.gauge}
+        parts: dict[str, object] = {"": self.dynamics}
+        for name in ("rings", "striker", "grips", "gauge"):
+            parts[f"{name}."] = getattr(self, name)
         sizes = {
             f"{prefix}{name}": field_bytes(value)
             for prefix, part in parts.items()

@@ -14,9 +14,6 @@ from taichi_ldem.scene import Scene
 if TYPE_CHECKING:
     from taichi_ldem.simulation import Simulation
 
-ELASTIC_STRAIN = 0.0025
-"""Gauge strain up to which elastic constants are fitted: where ISO 527-1 ends its modulus."""
-
 Array = npt.NDArray[np.float64]
 
 
@@ -60,15 +57,22 @@ def curve(history: dict[str, Array]) -> Curve:
 
 
 def initial_slope(x: Array, y: Array) -> float:
-    """Slope at the origin of the parabola through it that fits y over x best (nan: no data).
+    """Slope at x = 0 of the parabola that fits y over x best (nan with less than five points).
 
-    The bars' finite rotations bend the curve by about as much as half of the largest strain, so a
-    straight line would measure its own length.
+    The bars' finite strains and rotations bend the curve, so that the slope of a straight line
+    would depend on where it ends.
     """
-    if len(x) < 5:
-        return math.nan
-    (slope, _), *_ = np.linalg.lstsq(np.stack([x, x**2], axis=1), y, rcond=None)
-    return float(slope)
+    return float(np.polyfit(x, y, 2)[1]) if len(x) >= 5 else math.nan
+
+
+def elastic_rows(c: Curve, ramp: float) -> npt.NDArray[np.bool_]:
+    """Rows to fit: from the end of the ramp to half of the strain at the largest force.
+
+    Before, the grips also accelerate the specimen.
+    """
+    peak = int(np.argmax(c.force))
+    before = (np.arange(len(c.time)) <= peak) & (c.time >= ramp)
+    return np.asarray(before & (c.strain <= 0.5 * c.strain[peak]))
 
 
 def summary(simulation: "Simulation", history: runner.History) -> dict[str, Any]:
@@ -76,25 +80,27 @@ def summary(simulation: "Simulation", history: runner.History) -> dict[str, Any]
 
     Stress is nominal: pull over the net section at rest, the mean section in the gauge length.
     Young's modulus and Poisson's ratio are initial slopes, of stress and of minus the lateral over
-    the axial strain, from strains up to ``ELASTIC_STRAIN``. Strength is the largest stress, null
-    where no bar has failed; dissipated energy that of all bars over the net section.
+    the axial strain, over ``elastic_rows``. Strength is the largest stress, null where no bar has
+    failed; Dissipated energy is that of all bars over
+    the net section.
     """
     assert simulation.gauge is not None
+    assert simulation.grips is not None
     gauge, last = simulation.gauge, history[-1]
     names = ("time_s", "gauge_strain", "gauge_lateral_strain", "grip_force_n")
     c = curve({name: np.array([r[name] for r in history], dtype=float) for name in names})
     stress = c.force / gauge.section
     peak = int(np.argmax(stress))
-    within = np.arange(len(stress)) <= peak
-    within &= (c.strain > 0) & (c.strain <= ELASTIC_STRAIN)
-    stress_rate, strain_rate = _rates(c.time, stress, c.strain, peak)
-    broken = bool(last["broken_bars"])
+    within = elastic_rows(c, simulation.grips.scene.ramp)
+    broken = np.array([r["broken_bars"] for r in history[1:]]) > 0
+    first = int(np.argmax(broken))
     at_peak = history[peak]
     return {
         "youngs_modulus": initial_slope(c.strain[within], stress[within]),
         "poisson_ratio": initial_slope(c.strain[within], -c.lateral[within]),
-        "strength": float(stress[peak]) if broken else None,
-        "strain_at_peak": float(c.strain[peak]) if broken else None,
+        "strength": float(stress[peak]) if broken.any() else None,
+        "strain_at_peak": float(c.strain[peak]) if broken.any() else None,
+        "stress_at_first_broken_bar": float(stress[first]) if broken.any() else None,
         "peak_force_n": float(c.force[peak]),
         "peak_time_s": float(c.time[peak]),
         "fracture_energy_dissipated": last["fracture_j"] / gauge.section,
@@ -102,22 +108,13 @@ def summary(simulation: "Simulation", history: runner.History) -> dict[str, Any]
         "kinetic_over_strain_energy_at_peak": at_peak["kinetic_plate_j"] / at_peak["strain_j"]
         if at_peak["strain_j"]
         else None,
-        "loading_rate_pa_s": stress_rate,
-        "strain_rate_1_s": strain_rate,
+        "loading_rate_pa_s": _rate(c.time[within], stress[within]),
+        "strain_rate_1_s": _rate(c.time[within], c.strain[within]),
         "net_section_m2": gauge.section,
         "gauge_length_m": gauge.length,
     }
 
 
-def _rates(time: Array, stress: Array, strain: Array, peak: int) -> tuple[float, float]:
-    """Mean rates of stress and strain between a tenth and half of the largest stress before it."""
-    rising = np.arange(peak + 1)
-    rising = rising[(stress[rising] >= 0.1 * stress[peak]) & (stress[rising] <= 0.5 * stress[peak])]
-    if len(rising) < 2:
-        return math.nan, math.nan
-    first, last = rising[0], rising[-1]
-    span = time[last] - time[first]
-    return (
-        float((stress[last] - stress[first]) / span),
-        float((strain[last] - strain[first]) / span),
-    )
+def _rate(time: Array, values: Array) -> float:
+    """Mean rate of change, 1/s of the values' unit (nan with less than two)."""
+    return float((values[-1] - values[0]) / (time[-1] - time[0])) if len(time) > 1 else math.nan
