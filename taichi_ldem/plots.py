@@ -108,6 +108,10 @@ def _has(column: str) -> Callable[[_Run], bool]:
     return lambda run: len(run.history.get(column, ())) > 1
 
 
+def _has_section(run: _Run) -> bool:
+    return len(run.history.get("gauge_strain", ())) > 1 and "net_section_m2" in run.summary
+
+
 def _has_cracks(run: _Run) -> bool:
     return run.scene.material.damage and run.folder.fields_file.is_file()
 
@@ -213,20 +217,13 @@ def _energies(history: Mapping[str, Series]) -> Iterator[tuple[str, Series, str]
 
 
 def _draw_stress_strain(figure: Figure, run: _Run) -> None:
-    from taichi_ldem.scenarios.tension import curve
+    from taichi_ldem.scenarios.tension import curve, rows_until_parted
 
     axes = figure.add_subplot(xlabel="gauge strain [%]", ylabel="nominal stress [MPa]")
     c = curve(dict(run.history))
-    section = run.number("net_section_m2")
-    material = run.scene.material
-    if section is None:  # a run that was cut short has no summary
-        axes.set_ylabel("force [N]")
-        section = 1e6
-    stress = c.force / section
-    peak = int(np.argmax(stress))
-    # parted ends ring on: not a part of the curve
-    parted = np.flatnonzero((np.arange(len(stress)) > peak) & (stress < 0))
-    shown = slice(parted[0] + 1 if len(parted) else None)
+    stress = c.force / run.summary["net_section_m2"]
+    end = rows_until_parted(c.force)
+    peak, shown = int(np.argmax(stress[:end])), slice(end + 1)
     axes.plot(100 * c.strain[shown], 1e-6 * stress[shown], color="C0", label="computed")
     modulus, strength = run.number("youngs_modulus"), run.number("strength")
     if strength is not None:
@@ -234,10 +231,10 @@ def _draw_stress_strain(figure: Figure, run: _Run) -> None:
         axes.plot(*place, "o", color="C0", markeredgecolor="white", markersize=9)
         text = f"{1e-6 * strength:.1f} MPa"
         axes.annotate(text, place, (8, 6), textcoords="offset points")
-    if math.isclose(material.youngs_modulus, _E_PA):
-        end = _STRENGTH_PA / _E_PA
+    if math.isclose(run.scene.material.youngs_modulus, _E_PA):
+        strain = 100 * _STRENGTH_PA / _E_PA
         label = f"measured, E = {1e-9 * _E_PA:g} GPa"
-        axes.plot((0, 100 * end), (0, 1e-6 * _STRENGTH_PA), "C3--", lw=1.2, label=label)
+        axes.plot((0, strain), (0, 1e-6 * _STRENGTH_PA), "C3--", lw=1.2, label=label)
         low, high = (1e-6 * _STRENGTH_PA * (1 + sign * _SCATTER) for sign in (-1, 1))
         label = f"measured strength, {1e-6 * _STRENGTH_PA:g} MPa ± {100 * _SCATTER:g} %"
         axes.axhspan(low, high, color="C3", alpha=0.12, lw=0, label=label)
@@ -363,6 +360,6 @@ _FIGURES: tuple[tuple[str, tuple[float, float], _Needs, _Draw], ...] = (
     ("force", (9.0, 6.4), _has("striker_force_n"), _draw_force),
     ("velocity", (9.0, 6.4), _has("striker_velocity_m_s"), _draw_velocity),
     ("energy", (9.0, 7.0), _has("energy_error"), _draw_energy),
-    ("stress_strain", (9.0, 6.4), _has("gauge_strain"), _draw_stress_strain),
+    ("stress_strain", (9.0, 6.4), _has_section, _draw_stress_strain),
     ("crack_map", (9.0, 7.8), _has_cracks, _draw_crack_map),
 )

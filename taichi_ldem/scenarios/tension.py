@@ -56,6 +56,16 @@ def curve(history: dict[str, Array]) -> Curve:
     )
 
 
+def rows_until_parted(force: Array) -> int:
+    """Number of rows until the pull, having been noticeable, first falls below zero.
+
+    From then on the grips feel the parted ends ringing, at times by more than their strength.
+    """
+    loaded = np.maximum.accumulate(force) > 0.1 * force.max()
+    parted = np.flatnonzero(loaded & (force < 0))
+    return int(parted[0]) if len(parted) else len(force)
+
+
 def initial_slope(x: Array, y: Array) -> float:
     """Slope at x = 0 of the parabola that fits y over x best (nan with less than five points).
 
@@ -70,7 +80,7 @@ def elastic_rows(c: Curve, ramp: float) -> npt.NDArray[np.bool_]:
 
     Before, the grips also accelerate the specimen.
     """
-    peak = int(np.argmax(c.force))
+    peak = int(np.argmax(c.force[: rows_until_parted(c.force)]))
     before = (np.arange(len(c.time)) <= peak) & (c.time >= ramp)
     return np.asarray(before & (c.strain <= 0.5 * c.strain[peak]))
 
@@ -80,9 +90,8 @@ def summary(simulation: "Simulation", history: runner.History) -> dict[str, Any]
 
     Stress is nominal: pull over the net section at rest, the mean section in the gauge length.
     Young's modulus and Poisson's ratio are initial slopes, of stress and of minus the lateral over
-    the axial strain, over ``elastic_rows``. Strength is the largest stress, null where no bar has
-    failed; Dissipated energy is that of all bars over
-    the net section.
+    the axial strain, over ``elastic_rows``. Strength is the largest stress until the specimen
+    parts, null where no bar has failed. Dissipated energy is that of all bars over the net section.
     """
     assert simulation.gauge is not None
     assert simulation.grips is not None
@@ -90,7 +99,8 @@ def summary(simulation: "Simulation", history: runner.History) -> dict[str, Any]
     names = ("time_s", "gauge_strain", "gauge_lateral_strain", "grip_force_n")
     c = curve({name: np.array([r[name] for r in history], dtype=float) for name in names})
     stress = c.force / gauge.section
-    peak = int(np.argmax(stress))
+    whole = rows_until_parted(c.force)
+    peak = int(np.argmax(stress[:whole]))
     within = elastic_rows(c, simulation.grips.scene.ramp)
     broken = np.array([r["broken_bars"] for r in history[1:]]) > 0
     first = int(np.argmax(broken))
@@ -104,7 +114,7 @@ def summary(simulation: "Simulation", history: runner.History) -> dict[str, Any]
         "peak_force_n": float(c.force[peak]),
         "peak_time_s": float(c.time[peak]),
         "fracture_energy_dissipated": last["fracture_j"] / gauge.section,
-        "work_of_grips_over_section": last["external_j"] / gauge.section,
+        "work_of_grips_until_parted": history[whole]["external_j"] / gauge.section,
         "kinetic_over_strain_energy_at_peak": at_peak["kinetic_plate_j"] / at_peak["strain_j"]
         if at_peak["strain_j"]
         else None,

