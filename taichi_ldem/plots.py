@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from taichi_ldem.lattice import dumbbell_half_width
 from taichi_ldem.scene import Plate, Scene, load_scene
 from taichi_ldem.signals import SMOOTHING_WINDOW, smooth_force
-from taichi_ldem.store import RunFolder, read_broken_bars, read_times
+from taichi_ldem.store import RunFolder, read_broken_bars, read_fields, read_times
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -223,14 +223,19 @@ def _draw_stress_strain(figure: Figure, run: _Run) -> None:
     c = curve(dict(run.history))
     stress = c.force / run.summary["net_section_m2"]
     end = rows_until_parted(c.force)
-    peak, shown = int(np.argmax(stress[:end])), slice(end + 1)
-    axes.plot(100 * c.strain[shown], 1e-6 * stress[shown], color="C0", label="computed")
+    peak = int(np.argmax(stress[:end]))
+    for rows, width, label in (
+        (slice(peak + 1), 2.2, "computed"),
+        (slice(peak, end + 1), 0.8, "after the peak, until the specimen parts"),
+    ):
+        axes.plot(100 * c.strain[rows], 1e-6 * stress[rows], "C0", lw=width, label=label)
     modulus, strength = run.number("youngs_modulus"), run.number("strength")
     if strength is not None:
         place = (100 * c.strain[peak], 1e-6 * stress[peak])
         axes.plot(*place, "o", color="C0", markeredgecolor="white", markersize=9)
         text = f"{1e-6 * strength:.1f} MPa"
-        axes.annotate(text, place, (8, 6), textcoords="offset points")
+        paper = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
+        axes.annotate(text, place, (-70, 8), textcoords="offset points", bbox=paper)
     if math.isclose(run.scene.material.youngs_modulus, _E_PA):
         strain = 100 * _STRENGTH_PA / _E_PA
         label = f"measured, E = {1e-9 * _E_PA:g} GPa"
@@ -254,6 +259,8 @@ def _draw_crack_map(figure: Figure, run: _Run) -> None:
     figure.set_figheight(min(7.8, 7.0 * half_y / half_x + 4.0))
     bars = read_broken_bars(run.folder.fields_file)
     share = _broken_share(_MM * bars.position_m[:, :2], (nx, ny), (half_x, half_y)) / nz
+    if not plate.is_prism:
+        share[~_columns(run, (nx, ny), (half_x, half_y))] = np.nan
 
     axes = figure.add_subplot(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
     axes.grid(False)
@@ -276,6 +283,14 @@ def _draw_crack_map(figure: Figure, run: _Run) -> None:
     axes.set_title(
         f"Broken bars seen from below: {len(bars.bar):,} at t = {_MS * end:.2f} ms", fontsize=14
     )
+
+
+def _columns(run: _Run, modules: tuple[int, int], half: tuple[float, float]) -> NDArray[np.bool_]:
+    """Where there are modules; (nx, ny)."""
+    fields = read_fields(run.folder.fields_file, 0)
+    x, y = _MM * fields.points[fields.hexahedra].mean(axis=1)[:, :2].T
+    limits = ((-half[0], half[0]), (-half[1], half[1]))
+    return np.asarray(np.histogram2d(x, y, bins=modules, range=limits)[0] > 0)
 
 
 def _broken_share(
@@ -302,7 +317,7 @@ def _draw_outlines(axes: Axes, scene: Scene) -> None:
     plate, clamp = scene.plate, scene.clamp
     if plate.diameter is not None:
         outline: Patch = Circle((0.0, 0.0), _MM * plate.diameter / 2)
-    elif plate.shape == "dumbbell" or plate.angle:
+    elif not plate.is_prism:
         outline = Polygon(_MM * _outline(plate))
     else:
         x, y = (_MM * side for side in plate.actual_size[:2])

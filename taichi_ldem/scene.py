@@ -125,6 +125,11 @@ class Plate(_Table):
         return nx, ny, self.modules_through_thickness
 
     @property
+    def is_prism(self) -> bool:
+        """Whether the specimen is the whole prism of modules."""
+        return self.shape == "rectangle" and not self.angle
+
+    @property
     def actual_size(self) -> tuple[float, float, float]:
         """Sides x, y, z of the prism of modules that the specimen is built of or cut from, m."""
         nx, ny, _ = self.modules

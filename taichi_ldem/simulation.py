@@ -77,7 +77,7 @@ def build_lattice(scene: Scene) -> Lattice:
     mask = prism(*plate.modules)
     if plate.diameter is not None:
         mask = disc(*plate.modules, plate.diameter / plate.spacing)
-    elif plate.shape == "dumbbell" or plate.angle:
+    elif not plate.is_prism:
         mask = _specimen(plate)
     return Lattice(mask, plate.spacing, plate.surface_weights)
 
