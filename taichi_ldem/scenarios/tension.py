@@ -14,6 +14,9 @@ from taichi_ldem.scene import Scene
 if TYPE_CHECKING:
     from taichi_ldem.simulation import Simulation
 
+SCATTER = 0.005
+"""Standard deviation from a fit, over the largest value, up to which its slope is a constant."""
+
 Array = npt.NDArray[np.float64]
 
 
@@ -67,12 +70,17 @@ def rows_until_parted(force: Array) -> int:
 
 
 def initial_slope(x: Array, y: Array) -> float:
-    """Slope at x = 0 of the parabola that fits y over x best (nan with less than five points).
+    """Slope at x = 0 of the parabola that fits y over x best; nan where none fits.
 
-    The bars' finite strains and rotations bend the curve, so that the slope of a straight line
-    would depend on where it ends.
+    None does with less than five points, or where waves leave more than ``SCATTER``. The bars'
+    finite strains and rotations bend the curve, so that the slope of a straight line would depend
+    on where it ends.
     """
-    return float(np.polyfit(x, y, 2)[1]) if len(x) >= 5 else math.nan
+    if len(x) < 5:
+        return math.nan
+    fit = np.polyfit(x, y, 2)
+    scatter = float(np.std(y - np.polyval(fit, x)) / np.abs(y).max())
+    return float(fit[1]) if scatter <= SCATTER else math.nan
 
 
 def elastic_rows(c: Curve, ramp: float) -> npt.NDArray[np.bool_]:
@@ -90,8 +98,9 @@ def summary(simulation: "Simulation", history: runner.History) -> dict[str, Any]
 
     Stress is nominal: pull over the net section at rest, the mean section in the gauge length.
     Young's modulus and Poisson's ratio are initial slopes, of stress and of minus the lateral over
-    the axial strain, over ``elastic_rows``. Strength is the largest stress until the specimen
-    parts, null where no bar has failed. Dissipated energy is that of all bars over the net section.
+    the axial strain, over ``elastic_rows``; null where the specimen rings too much to tell.
+    Strength is the largest stress until the specimen parts, null where no bar has failed. Dissipated energy
+    is that of all bars over the net section.
     """
     assert simulation.gauge is not None
     assert simulation.grips is not None

@@ -211,7 +211,8 @@ def _numbers(folder: Path) -> dict[str, Any]:
     run = RunFolder(folder)
     s, history, scene = run.read_summary(), run.read_history(), load_scene(run.scene_file)
     m, section = scene.material, s["net_section_m2"]
-    s["modulus_error"] = s["youngs_modulus"] / m.youngs_modulus - 1
+    if s["youngs_modulus"] is not None:
+        s["modulus_error"] = s["youngs_modulus"] / m.youngs_modulus - 1
     s["width_m"] = math.sqrt(section)
     if "fracture_j" in history and m.fracture_energy is not None:
         start, end = history["fracture_j"][[0, -1]] / section
