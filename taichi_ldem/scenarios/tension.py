@@ -99,8 +99,8 @@ def summary(simulation: "Simulation", history: runner.History) -> dict[str, Any]
     Stress is nominal: pull over the net section at rest, the mean section in the gauge length.
     Young's modulus and Poisson's ratio are initial slopes, of stress and of minus the lateral over
     the axial strain, over ``elastic_rows``; null where the specimen rings too much to tell.
-    Strength is the largest stress until the specimen parts, null where no bar has failed. Dissipated energy
-    is that of all bars over the net section.
+    Strength is the largest stress until the specimen parts, null where no bar has failed.
+    Dissipated energy is that of all bars over the net section.
     """
     assert simulation.gauge is not None
     assert simulation.grips is not None
