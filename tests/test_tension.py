@@ -238,3 +238,43 @@ def test_a_command_refuses_the_scene_of_another(
     scene.write_text(without)
     assert main(["tension", str(scene)]) == 2
     assert "missing table '[grips]'" in capsys.readouterr().err
+
+
+# -- the study
+
+
+def test_the_study_tells_about_what_is_finished_and_does_not_run_it_again(
+    finished: RunFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from taichi_ldem.studies import tension
+
+    started: list[list[str]] = []
+
+    def start(command: list[str], check: bool) -> subprocess.CompletedProcess[str]:
+        started.append(command)
+        return subprocess.CompletedProcess(command, 0)
+
+    monkeypatch.setattr(tension.subprocess, "run", start)
+    (tmp_path / "size-3").symlink_to(finished.path)
+    cases = {case.name: case for case in tension.CASES}
+    for name in ("size-3", "prism-45", "flat-6"):
+        tension.run(cases[name], CONFIGS, tmp_path, [])
+    plain, weak = started
+    assert "plate.angle=45" in plain
+    assert "--weak" not in plain
+    assert weak[3] == "--weak"
+    rows = [line for line in tension.tables(tmp_path).splitlines() if line.startswith("| 0.5 x")]
+    strength = finished.read_summary()["strength"]
+    assert len(rows) == 1
+    assert f"| {1e-6 * strength:.1f} |" in rows[0]
+    tension.figure(tmp_path, tmp_path / "tension.png")
+    assert (tmp_path / "tension.png").stat().st_size > 10_000
+
+
+def test_every_case_is_a_scene() -> None:
+    from taichi_ldem.scene import load_scene
+    from taichi_ldem.studies.tension import CASES
+
+    assert len({case.name for case in CASES}) == len(CASES)
+    for case in CASES:
+        mat.check(load_scene(CONFIGS / case.scene, case.overrides))

@@ -360,7 +360,8 @@ def figure(folder: Path, file: Path) -> None:
         place.set_ylim(bottom=0)
         if group != "flat":
             place.axhspan(75 * 0.85, 75 * 1.15, color="C3", alpha=0.1, lw=0, label="75 MPa ± 15 %")
-        place.legend(fontsize=9)
+        if place.has_data():
+            place.legend(fontsize=9)
     _energy_panel(axes.flat[5], folder)
     for place in axes.flat:
         place.grid(alpha=0.3)
