@@ -141,6 +141,7 @@ def test_the_initial_slope_is_that_of_the_curve_at_the_origin() -> None:
     x = np.linspace(0.001, 0.01, 30)
     assert initial_slope(x, 3.0 * x - 5.0 * x**2) == pytest.approx(3.0, rel=1e-9)
     assert np.isnan(initial_slope(x[:4], x[:4]))
+    assert np.isnan(initial_slope(x[20:], x[20:]))
     ringing = 3.0 * x + 0.02 * x.max() * (-1.0) ** np.arange(30)
     assert np.isnan(initial_slope(x, ringing))
 

@@ -72,11 +72,11 @@ def rows_until_parted(force: Array) -> int:
 def initial_slope(x: Array, y: Array) -> float:
     """Slope at x = 0 of the parabola that fits y over x best; nan where none fits.
 
-    None does with less than five points, or where waves leave more than ``SCATTER``. The bars'
-    finite strains and rotations bend the curve, so that the slope of a straight line would depend
-    on where it ends.
+    None does with less than five points, with points from the farther half of the range alone, or
+    where waves leave more than ``SCATTER``. The bars' finite strains and rotations bend the curve,
+    so that the slope of a straight line would depend on where it ends.
     """
-    if len(x) < 5:
+    if len(x) < 5 or np.abs(x).min() > 0.5 * np.abs(x).max():
         return math.nan
     fit = np.polyfit(x, y, 2)
     scatter = float(np.std(y - np.polyval(fit, x)) / np.abs(y).max())

@@ -314,7 +314,10 @@ def _stress_strain(axes: "Axes", folder: Path, case: Case, *, grips: bool) -> No
     x = 1e3 * history["grip_displacement_m"][1:] if grips else 100 * c.strain
     stress = 1e-6 * c.force / section
     end = rows_until_parted(c.force) + 1
-    axes.plot(x[:end], stress[:end], lw=1.3, label=case.meaning)
+    peak = int(np.argmax(stress[:end])) + 1 if not grips else end
+    (line,) = axes.plot(x[:peak], stress[:peak], lw=1.8, label=case.meaning)
+    # behind the peak waves and the front of damage make a tangle
+    axes.plot(x[peak:end], stress[peak:end], lw=0.5, alpha=0.5, color=line.get_color())
 
 
 def _elastic_panel(axes: "Axes", folder: Path) -> None:
