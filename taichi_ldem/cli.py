@@ -1,4 +1,4 @@
-"""The command line: `ldem impact`, `info`, `render`, `plot`. No physics.
+"""The command line: `ldem impact`, `tension`, `info`, `render`, `plot`. No physics.
 
 Heavy modules are imported inside the commands, Taichi only once the scene and the run folder are
 known to be good: help and refusals are quick.
@@ -31,32 +31,54 @@ Settings = Annotated[
 ]
 
 
+Out = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="run folder (default: outputs/SCENE)")
+]
+Force = Annotated[bool, typer.Option("--force", help="overwrite the run in DIR")]
+Arch = Annotated[
+    str | None, typer.Option(help="cpu, cuda or gpu (vulkan, metal: not in this version)")
+]
+Precision = Annotated[str | None, typer.Option(help="f64 or f32")]
+Threads = Annotated[int | None, typer.Option(help="CPU threads (default: all cores)")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="print nothing on success")]
+
+
 @app.command()
 def impact(
     scene_file: SceneFile,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="run folder (default: outputs/SCENE)")
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="overwrite the run in DIR")] = False,
-    arch: Annotated[
-        str | None, typer.Option(help="cpu, cuda or gpu (vulkan, metal: not in this version)")
-    ] = None,
-    precision: Annotated[str | None, typer.Option(help="f64 or f32")] = None,
-    threads: Annotated[int | None, typer.Option(help="CPU threads (default: all cores)")] = None,
+    out: Out = None,
+    force: Force = False,
+    arch: Arch = None,
+    precision: Precision = None,
+    threads: Threads = None,
     settings: Settings = None,
-    quiet: Annotated[bool, typer.Option("--quiet", help="print nothing on success")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Run a falling-weight test; options override --set, which overrides the file."""
     options = {"arch": arch, "precision": precision, "threads": threads}
-    given = [f"solver.{key}={value}" for key, value in options.items() if value is not None]
-    scene = _load(scene_file, [*(settings or ()), *given])
-    folder = Path("outputs", scene_file.stem) if out is None else out
-
-    from taichi_ldem.store import RunFolder
-
-    RunFolder.check(folder, force=force)
+    scene, folder = _prepare("impact", scene_file, out, force, settings, options)
 
     from taichi_ldem.scenarios.impact import run
+
+    raise typer.Exit(run(scene, folder, force=force, quiet=quiet))
+
+
+@app.command()
+def tension(
+    scene_file: SceneFile,
+    out: Out = None,
+    force: Force = False,
+    arch: Arch = None,
+    precision: Precision = None,
+    threads: Threads = None,
+    settings: Settings = None,
+    quiet: Quiet = False,
+) -> None:
+    """Pull a specimen apart; options as for impact."""
+    options = {"arch": arch, "precision": precision, "threads": threads}
+    scene, folder = _prepare("tension", scene_file, out, force, settings, options)
+
+    from taichi_ldem.scenarios.tension import run
 
     raise typer.Exit(run(scene, folder, force=force, quiet=quiet))
 
@@ -119,6 +141,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if not isinstance(error, SceneError):
             raise
         return _complain(str(error), 2)
+
+
+def _prepare(
+    command: str,
+    scene_file: Path,
+    out: Path | None,
+    force: bool,
+    settings: Sequence[str] | None,
+    options: dict[str, str | int | None],
+) -> "tuple[Scene, Path]":
+    """The scene and the run folder of a command that runs one, both known to be good."""
+    given = [f"solver.{key}={value}" for key, value in options.items() if value is not None]
+    scene = _load(scene_file, [*(settings or ()), *given])
+    if scene.scenario != command:
+        from taichi_ldem.scene import SceneError
+
+        name = scene.scenario
+        raise SceneError(f'{scene_file.name}: scenario = "{name}": run it with `ldem {name}`')
+    folder = Path("outputs", scene_file.stem) if out is None else out
+
+    from taichi_ldem.store import RunFolder
+
+    RunFolder.check(folder, force=force)
+    return scene, folder
 
 
 def _load(path: Path, settings: Sequence[str]) -> "Scene":

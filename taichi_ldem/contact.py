@@ -1,4 +1,4 @@
-"""Rigid bodies against the lattice: the falling striker and the clamping rings.
+"""Rigid bodies against the lattice: the falling striker, the clamping rings and the grips.
 
 The contact is kinematic (hard, no penalty stiffness): a node that its free flight would carry into
 a rigid body is put on the body's surface at the end of the same step, and the impulse that this
@@ -25,6 +25,7 @@ import taichi as ti
 
 from taichi_ldem.dynamics import Dynamics
 from taichi_ldem.scene import Clamp, Plate, SceneError
+from taichi_ldem.scene import Grips as GripsScene
 from taichi_ldem.scene import Striker as StrikerScene
 
 CHUNK = 32
@@ -34,6 +35,7 @@ IMPULSE, PLATE_BEFORE, LOSS_BEFORE, LOSS_AFTER = range(4)
 # numbers that describe a body: kept in a field, so that another value compiles nothing anew
 MASS, RADIUS, GRAVITY, AXIS_X, AXIS_Y, TIP = range(6)
 INNER, OUTER, HEIGHT = range(3)
+SPEED, RAMP, COSINE, SINE = range(4)
 # the striker's own state; displacement and velocity are positive towards the plate
 DISPLACEMENT, VELOCITY, VELOCITY_BEFORE, TRIAL = range(4)
 
@@ -127,8 +129,13 @@ class RigidBody:
         )
 
     @ti.func
+    def component(self, impulse):
+        """Component of an impulse that the body's sums count: along z, unless it says another."""
+        return impulse.z
+
+    @ti.func
     def put(self, number, s, k, j, i, now, time_step, damping, displacement):
-        """Move a node to a displacement (f64), return impulse and its works (z, before, after)."""
+        """Move a node to a displacement (f64), return impulse (``component``) and both works."""
         old = ti.cast(self.dynamics.node_displacement(now, s, k, j, i), ti.f64)
         free = ti.cast(self.dynamics.node_velocity(s, k, j, i), ti.f64)
         velocity = (displacement - old) / ti.cast(time_step, ti.f64)
@@ -144,7 +151,8 @@ class RigidBody:
             )
             way = ti.cast(0.5 * time_step * (velocity - free), float)
             self.dynamics.add_damped(s, k, j, i, drag.dot(way))
-        return vec3d(impulse.z, 0.5 * impulse.dot(before), 0.5 * impulse.dot(velocity))
+        works = 0.5 * impulse.dot(before), 0.5 * impulse.dot(velocity)
+        return vec3d(self.component(impulse), works[0], works[1])
 
     @ti.func
     def total(self):
@@ -412,6 +420,83 @@ class Rings(RigidBody):
                     held, target = self.held_at(s, k, j, i, now, spacing)
                 if held:
                     works += self.put(number, s, k, j, i, now, time_step, damping, target)
+                self.before[number] = self.dynamics.node_velocity(s, k, j, i)
+            self.chunk_sums[chunk] = ti.Vector([works[0], works[1], works[2], 0.0], ti.f64)
+        for _ in range(1):
+            total = self.total()
+            self.book(total[0], total[1], total[1], total[2])
+
+
+@ti.data_oriented
+class Grips(RigidBody):
+    """Two grips that move apart along the specimen, each by half of a prescribed separation.
+
+    The nodes in them are put where the grips are at the end of every step; across the pull they are
+    held, or move as they would without grips. The impulse that the sums count is half of the
+    difference between the grips, a mean pull; the energy that they count as lost is minus the
+    grips' work.
+
+    Attributes:
+        state: (1,) f64: steps taken.
+    """
+
+    moving = False
+
+    def __init__(self, dynamics: Dynamics, grips: GripsScene, angle: float):
+        """``angle``: of the specimen's long side to x, radians."""
+        cosine, sine = math.cos(angle), math.sin(angle)
+        self.held = grips.lateral == "held"
+        along = dynamics.lattice.positions()[..., :2] @ (cosine, sine)
+        exists = dynamics.lattice.exists()
+        start = along[exists].max() - grips.length - 1e-6 * dynamics.lattice.spacing
+        nodes = np.flatnonzero(exists & (np.abs(along) >= start)).astype(np.int32)
+        super().__init__(dynamics, (grips.velocity, grips.ramp, cosine, sine), len(nodes))
+        self.state = ti.field(ti.f64, shape=1)
+        self.scene = grips
+        self.set_nodes(nodes, len(nodes))
+
+    def separation_at(self, at: float) -> float:
+        """How far the grips have moved apart at a time (s), m."""
+        ramp = self.scene.ramp
+        share = min(at / ramp, 1.0) if ramp > 0 else 1.0
+        return self.scene.velocity * (ramp * share**3 * (1 - 0.5 * share) + max(at - ramp, 0.0))
+
+    @ti.func
+    def separation(self, at):
+        """How far the grips have moved apart at a time (s), m: the integral of their speed."""
+        ramp = self.numbers[RAMP]
+        way = ti.max(at - ramp, 0.0)
+        if ramp > 0:
+            share = ti.min(at / ramp, 1.0)
+            way += ramp * share**3 * (1 - 0.5 * share)
+        return self.numbers[SPEED] * way
+
+    @ti.func
+    def component(self, impulse):
+        """Component along the specimen."""
+        return impulse.x * self.numbers[COSINE] + impulse.y * self.numbers[SINE]
+
+    @ti.func
+    def resolve(self, now, spacing, time_step, damping):
+        """Put all nodes in the grips where these are at the end of the step."""
+        for _ in range(1):
+            self.state[0] = self.state[0] + 1
+        for chunk in range(self.chunks()):
+            works = vec3d(0.0, 0.0, 0.0)
+            direction = vec3d(self.numbers[COSINE], self.numbers[SINE], 0.0)
+            half = 0.5 * self.separation(self.state[0] * ti.cast(time_step, ti.f64))
+            for number in range(chunk * CHUNK, self.chunk_end(chunk)):
+                s, k, j, i = self.place(number)
+                sign = ti.cast(1.0, ti.f64)
+                if self.component(self.rest(s, k, j, i, spacing)) < 0:
+                    sign = -1.0
+                target = sign * half * direction
+                if ti.static(not self.held):
+                    free = ti.cast(self.dynamics.node_displacement(1 - now, s, k, j, i), ti.f64)
+                    target += free - self.component(free) * direction
+                gained = self.put(number, s, k, j, i, now, time_step, damping, target)
+                gained[0] *= 0.5 * sign
+                works += gained
                 self.before[number] = self.dynamics.node_velocity(s, k, j, i)
             self.chunk_sums[chunk] = ti.Vector([works[0], works[1], works[2], 0.0], ti.f64)
         for _ in range(1):

@@ -85,6 +85,7 @@ def left_out(scene: Scene) -> list[str]:
         "removed bars (no [[notch]])": not scene.notch,
         "striker contact (no [striker])": scene.striker is None,
         "clamp contact (no [clamp], or free)": not scene.held,
+        "grips and gauge (no [grips])": scene.grips is None,
     }
     return [name for name, missing in absent.items() if missing]
 

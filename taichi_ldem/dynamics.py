@@ -230,6 +230,14 @@ class Dynamics:
         self.removed.from_numpy(stored)
         self.touched.from_numpy((stored.any(axis=-1)).astype(np.uint8))
 
+    def set_peak(self, peak: npt.NDArray[np.float64]) -> None:
+        """Age bars to peak strains over eps_p: (nz + 3, ny + 3, nx + 3, 14)."""
+        stored = self.lanes.spread(np.moveaxis(peak, -1, 0))
+        for field, values in zip(self.peak, stored, strict=True):
+            field.from_numpy(values.astype(self.numpy_float()))
+        touched = (stored > 1).any(axis=(0, -1)) | (self.touched.to_numpy() != 0)
+        self.touched.from_numpy(touched.astype(np.uint8))
+
     @staticmethod
     def numpy_float() -> type[np.floating]:
         """NumPy's name for Taichi's default float."""

@@ -17,6 +17,8 @@ bar    from, to                                                     exists where
 ====== ============================================================ ==============================
 """
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -205,4 +207,45 @@ def disc(nx: int, ny: int, nz: int, diameter: float) -> npt.NDArray[np.bool_]:
     x = np.arange(nx) + 0.5 - nx / 2
     y = np.arange(ny) + 0.5 - ny / 2
     inside = y[:, None] ** 2 + x[None, :] ** 2 <= (diameter / 2) ** 2
+    return np.broadcast_to(inside, (nz, ny, nx)).copy()
+
+
+def dumbbell_half_width(
+    x: npt.NDArray[np.float64],
+    width: float,
+    narrow_width: float,
+    narrow_length: float,
+    fillet_radius: float,
+) -> npt.NDArray[np.float64]:
+    """Half the width of a dumb-bell at a distance ``x`` from its middle, all in one unit.
+
+    The narrow part goes over to the tabs in arcs that begin tangent to it (ASTM D638, Fig. 1).
+    """
+    into = np.clip(np.abs(x) - narrow_length / 2, 0.0, fillet_radius)
+    arc = fillet_radius - np.sqrt(fillet_radius**2 - into**2)
+    return np.asarray(np.minimum(narrow_width / 2 + arc, width / 2))
+
+
+def cut_out(
+    nx: int,
+    ny: int,
+    nz: int,
+    length: float,
+    half_width: Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]],
+    angle: float = 0.0,
+) -> npt.NDArray[np.bool_]:
+    """Mask of a specimen cut from a prism: the modules whose centre lies within its outline.
+
+    Args:
+        length: of the specimen, in units of the module edge.
+        half_width: half its width over the distance from its middle, in the same unit.
+        angle: of its long side to x, radians.
+    """
+    x = np.arange(nx) + 0.5 - nx / 2
+    y = (np.arange(ny) + 0.5 - ny / 2)[:, None]
+    along = x * math.cos(angle) + y * math.sin(angle)
+    across = y * math.cos(angle) - x * math.sin(angle)
+    slack = 1e-9 * length  # centres that rounding alone would put outside
+    inside = np.abs(along) <= length / 2 + slack
+    inside &= np.abs(across) <= half_width(along) + slack
     return np.broadcast_to(inside, (nz, ny, nx)).copy()

@@ -1,4 +1,4 @@
-"""Figures of a run from its run folder: force, velocity, energies, crack map (matplotlib).
+"""Figures of a run from its run folder: forces, energies, stress over strain, crack map.
 
 Where a scene is the paper's falling-weight test, the paper's and the experiments' values stand
 beside the run's own (its Figs. 5, 11 and 12 and the text of Sections 3 and 5).
@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_ldem.scene import Scene, load_scene
+from taichi_ldem.lattice import dumbbell_half_width
+from taichi_ldem.scene import Plate, Scene, load_scene
 from taichi_ldem.signals import SMOOTHING_WINDOW, smooth_force
-from taichi_ldem.store import RunFolder, read_broken_bars, read_times
+from taichi_ldem.store import RunFolder, read_broken_bars, read_fields, read_times
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,6 +42,7 @@ _P1_N, _T1_S = 600.0, 1.75e-3
 _P2_N, _T2_S = (600.0, 830.0), (6.4e-3, 9.4e-3)
 _V_MAX_S = 0.8e-3
 _T2_LDEM_S = 7.5e-3  # the paper's model
+_E_PA, _STRENGTH_PA, _SCATTER = 3.35e9, 75e6, 0.15  # its tension tests, Section 3.2
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,7 @@ class _Run:
 
 
 def plot_run(folder: RunFolder) -> list[Path]:
-    """Draw `force.png`, `velocity.png`, `energy.png` and `crack_map.png` into the run folder.
+    """Draw the figures of `_FIGURES` into the run folder, one PNG each.
 
     A figure that the run has no data for is left out.
 
@@ -104,6 +106,10 @@ def plot_run(folder: RunFolder) -> list[Path]:
 
 def _has(column: str) -> Callable[[_Run], bool]:
     return lambda run: len(run.history.get(column, ())) > 1
+
+
+def _has_section(run: _Run) -> bool:
+    return len(run.history.get("gauge_strain", ())) > 1 and "net_section_m2" in run.summary
 
 
 def _has_cracks(run: _Run) -> bool:
@@ -197,6 +203,8 @@ def _energies(history: Mapping[str, Series]) -> Iterator[tuple[str, Series, str]
         work = history.get("external_j", np.zeros_like(kinetic))
         name = "given up by the striker" if "external_j" not in history else "striker and gravity"
         yield name, kinetic[0] - kinetic + work, "C7--"
+    elif "external_j" in history:
+        yield "work of the grips", history["external_j"], "C7--"
     for column, label, style in (
         ("strain_j", "strain", "C0-"),
         ("fracture_j", "fracture", "C3-"),
@@ -208,14 +216,51 @@ def _energies(history: Mapping[str, Series]) -> Iterator[tuple[str, Series, str]
             yield label, history[column], style
 
 
+def _draw_stress_strain(figure: Figure, run: _Run) -> None:
+    from taichi_ldem.scenarios.tension import curve, rows_until_parted
+
+    axes = figure.add_subplot(xlabel="gauge strain [%]", ylabel="nominal stress [MPa]")
+    c = curve(dict(run.history))
+    stress = c.force / run.summary["net_section_m2"]
+    end = rows_until_parted(c.force)
+    peak = int(np.argmax(stress[:end]))
+    for rows, width, label in (
+        (slice(peak + 1), 2.2, "computed"),
+        (slice(peak, end + 1), 0.8, "after the peak, until the specimen parts"),
+    ):
+        axes.plot(100 * c.strain[rows], 1e-6 * stress[rows], "C0", lw=width, label=label)
+    modulus, strength = run.number("youngs_modulus"), run.number("strength")
+    if strength is not None:
+        place = (100 * c.strain[peak], 1e-6 * stress[peak])
+        axes.plot(*place, "o", color="C0", markeredgecolor="white", markersize=9)
+        text = f"{1e-6 * strength:.1f} MPa"
+        paper = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
+        axes.annotate(text, place, (-70, 8), textcoords="offset points", bbox=paper)
+    if math.isclose(run.scene.material.youngs_modulus, _E_PA):
+        strain = 100 * _STRENGTH_PA / _E_PA
+        label = f"measured, E = {1e-9 * _E_PA:g} GPa"
+        axes.plot((0, strain), (0, 1e-6 * _STRENGTH_PA), "C3--", lw=1.2, label=label)
+        low, high = (1e-6 * _STRENGTH_PA * (1 + sign * _SCATTER) for sign in (-1, 1))
+        label = f"measured strength, {1e-6 * _STRENGTH_PA:g} MPa ± {100 * _SCATTER:g} %"
+        axes.axhspan(low, high, color="C3", alpha=0.12, lw=0, label=label)
+    ratio = run.number("poisson_ratio")
+    if modulus is not None and ratio is not None:
+        axes.set_title(f"E = {1e-9 * modulus:.3f} GPa, nu = {ratio:.3f}", fontsize=13)
+    axes.set_ylim(bottom=0.0)
+    figure.legend(loc="outside lower center", ncols=2, fontsize=12)
+
+
 def _draw_crack_map(figure: Figure, run: _Run) -> None:
     from matplotlib.colors import PowerNorm
 
     plate = run.scene.plate
     nx, ny, nz = plate.modules
     half_x, half_y = (_MM * side / 2 for side in plate.actual_size[:2])
+    figure.set_figheight(min(7.8, 7.0 * half_y / half_x + 4.0))
     bars = read_broken_bars(run.folder.fields_file)
     share = _broken_share(_MM * bars.position_m[:, :2], (nx, ny), (half_x, half_y)) / nz
+    if not plate.is_prism:
+        share[~_columns(run, (nx, ny), (half_x, half_y))] = np.nan
 
     axes = figure.add_subplot(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
     axes.grid(False)
@@ -240,6 +285,14 @@ def _draw_crack_map(figure: Figure, run: _Run) -> None:
     )
 
 
+def _columns(run: _Run, modules: tuple[int, int], half: tuple[float, float]) -> NDArray[np.bool_]:
+    """Where there are modules; (nx, ny)."""
+    fields = read_fields(run.folder.fields_file, 0)
+    x, y = _MM * fields.points[fields.hexahedra].mean(axis=1)[:, :2].T
+    limits = ((-half[0], half[0]), (-half[1], half[1]))
+    return np.asarray(np.histogram2d(x, y, bins=modules, range=limits)[0] > 0)
+
+
 def _broken_share(
     position: Series, modules: tuple[int, int], half: tuple[float, float]
 ) -> NDArray[np.float64]:
@@ -259,11 +312,13 @@ def _broken_share(
 
 def _draw_outlines(axes: Axes, scene: Scene) -> None:
     """The specimen's edge and the clamp's inner circle."""
-    from matplotlib.patches import Circle, Patch, Rectangle
+    from matplotlib.patches import Circle, Patch, Polygon, Rectangle
 
     plate, clamp = scene.plate, scene.clamp
     if plate.diameter is not None:
         outline: Patch = Circle((0.0, 0.0), _MM * plate.diameter / 2)
+    elif not plate.is_prism:
+        outline = Polygon(_MM * _outline(plate))
     else:
         x, y = (_MM * side for side in plate.actual_size[:2])
         outline = Rectangle((-x / 2, -y / 2), x, y)
@@ -275,6 +330,19 @@ def _draw_outlines(axes: Axes, scene: Scene) -> None:
         label = f"clamp, inner diameter {2 * radius:g} mm"
         axes.plot(radius * np.cos(angle), radius * np.sin(angle), "C0--", lw=1.2, label=label)
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08), fontsize=12)
+
+
+def _outline(plate: Plate) -> Series:
+    """Corners (n, 2) of a specimen in tension as it is meant, before it is made of modules, m."""
+    x = np.linspace(-plate.size[0] / 2, plate.size[0] / 2, 401)
+    y = np.full_like(x, plate.size[1] / 2)
+    if plate.narrow_width and plate.narrow_length and plate.fillet_radius:
+        narrow = (plate.narrow_width, plate.narrow_length, plate.fillet_radius)
+        y = dumbbell_half_width(x, plate.size[1], *narrow)
+    corners = np.stack([np.concatenate([x, x[::-1]]), np.concatenate([y, -y[::-1]])], axis=1)
+    angle = math.radians(plate.angle)
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return np.asarray(corners @ [[cosine, sine], [-sine, cosine]])
 
 
 def _mark_times(axes: Axes, run: _Run) -> None:
@@ -307,5 +375,6 @@ _FIGURES: tuple[tuple[str, tuple[float, float], _Needs, _Draw], ...] = (
     ("force", (9.0, 6.4), _has("striker_force_n"), _draw_force),
     ("velocity", (9.0, 6.4), _has("striker_velocity_m_s"), _draw_velocity),
     ("energy", (9.0, 7.0), _has("energy_error"), _draw_energy),
+    ("stress_strain", (9.0, 6.4), _has_section, _draw_stress_strain),
     ("crack_map", (9.0, 7.8), _has_cracks, _draw_crack_map),
 )

@@ -383,8 +383,11 @@ def _draw_step(painter: _Painter, folder: RunFolder, step: int) -> None:
     # With an odd number of modules across, the row in the middle stays whole.
     middle = (lower[1] + upper[1]) / 2 - 1e-6 * (upper[1] - lower[1])
     far_half = fields.points[fields.hexahedra].mean(axis=1)[:, 1] > middle
+    struck = load_scene(folder.scene_file).striker is not None
     for name, picture in zip(_VIEWS, _pictures(folder, (step, fields.time)), strict=True):
         view = _VIEWS[name](upper - lower)
+        if not struck:
+            view = replace(view, title=view.title.partition(" (")[0])  # which face it is
         surface = exterior(fields, far_half if view.cut else everything)
         images = [_panel_image(painter, surface, fields, panel, view.cut) for panel in view.panels]
         _compose(view, images, fields.time, picture)

@@ -80,10 +80,23 @@ class Plate(_Table):
 
     size: tuple[Positive, Positive, Positive] = Field(description="sides x, y, z (thickness), m")
     modules_through_thickness: Annotated[int, Field(strict=True, ge=1, le=10_000)]
-    shape: Literal["rectangle", "disc"] = "rectangle"
+    shape: Literal["rectangle", "disc", "dumbbell"] = "rectangle"
     diameter: Positive | None = Field(
         default=None,
         description="of the disc cut from the prism, centred, m; for shape = 'disc' only",
+    )
+    narrow_width: Positive | None = Field(
+        default=None, description="of a dumb-bell in its middle, m; size[1] is that of its tabs"
+    )
+    narrow_length: Positive | None = Field(
+        default=None, description="of a dumb-bell's part of constant width, m"
+    )
+    fillet_radius: Positive | None = Field(
+        default=None, description="from a dumb-bell's narrow part to its tabs, m"
+    )
+    angle: Literal[0, 45] = Field(
+        default=0,
+        description="of the specimen's long side to the lattice's x axis, degrees; tension only",
     )
     surface_weights: Flag = Field(
         default=True,
@@ -101,13 +114,24 @@ class Plate(_Table):
 
     @property
     def modules(self) -> tuple[int, int, int]:
-        """Number of modules along x, y, z: the sides rounded to whole modules."""
-        nx, ny = (max(1, round(side / self.spacing)) for side in self.size[:2])
+        """Number of modules along x, y, z: the sides rounded to whole modules.
+
+        A specimen cut at an angle has those of the smallest square block that holds it.
+        """
+        sides = self.size[:2]
+        if self.angle:
+            sides = ((sides[0] + sides[1]) / math.sqrt(2) + self.spacing,) * 2
+        nx, ny = (max(1, round(side / self.spacing)) for side in sides)
         return nx, ny, self.modules_through_thickness
 
     @property
+    def is_prism(self) -> bool:
+        """Whether the specimen is the whole prism of modules."""
+        return self.shape == "rectangle" and not self.angle
+
+    @property
     def actual_size(self) -> tuple[float, float, float]:
-        """Sides x, y, z of the prism that is built, m."""
+        """Sides x, y, z of the prism of modules that the specimen is built of or cut from, m."""
         nx, ny, _ = self.modules
         return nx * self.spacing, ny * self.spacing, self.size[2]
 
@@ -122,16 +146,43 @@ class Plate(_Table):
             why = f"must give at most {MAX_MODULES} modules in all, not {total:.3g}"
             raise _refuse("plate.modules_through_thickness", count, why)
         for axis, side, actual in zip("xy", self.size, self.actual_size, strict=False):
-            if abs(actual - side) > ROUNDING * side:
+            if not self.angle and abs(actual - side) > ROUNDING * side:
                 below = math.floor(side / spacing)
                 fits = " or ".join(f"{n * spacing:.6g}" for n in (below, below + 1) if n > 0)
                 why = f"side {axis} must be a whole number of modules of {spacing:.6g} m: {fits}"
                 raise _refuse("plate.size", self.size, why)
         self._check_disc()
+        self._check_dumbbell()
         return self
 
+    def _check_dumbbell(self) -> None:
+        keys = ("narrow_width", "narrow_length", "fillet_radius")
+        for key in keys:
+            value = getattr(self, key)
+            if self.shape != "dumbbell" and value is not None:
+                raise _refuse(f"plate.{key}", value, 'only for plate.shape = "dumbbell"')
+            if self.shape == "dumbbell" and value is None:
+                raise _refuse("plate.shape", self.shape, f"needs plate.{key}")
+        if self.shape != "dumbbell":
+            return
+        assert self.narrow_width is not None
+        assert self.narrow_length is not None
+        assert self.fillet_radius is not None
+        step = (self.size[1] - self.narrow_width) / 2
+        if not 0 < step <= self.fillet_radius:
+            lower = max(self.spacing, self.size[1] - 2 * self.fillet_radius)
+            why = f"must lie between {lower:.6g} and plate.size[1] = {self.size[1]!r}"
+            raise _refuse("plate.narrow_width", self.narrow_width, why)
+        if self.narrow_width < self.spacing:
+            why = f"must be at least {self.spacing:.6g}, one module"
+            raise _refuse("plate.narrow_width", self.narrow_width, why)
+        fillet = math.sqrt(step * (2 * self.fillet_radius - step))
+        if self.narrow_length + 2 * fillet > self.size[0]:
+            why = f"with fillets of {fillet:.6g} at both ends must fit in plate.size[0]"
+            raise _refuse("plate.narrow_length", self.narrow_length, why)
+
     def _check_disc(self) -> None:
-        if self.shape == "rectangle":
+        if self.shape != "disc":
             if self.diameter is not None:
                 raise _refuse("plate.diameter", self.diameter, 'only for plate.shape = "disc"')
         elif self.diameter is None:
@@ -243,6 +294,26 @@ class Clamp(_Table):
         return self
 
 
+class Grips(_Table):
+    """What pulls a specimen apart along its long side: both ends move at prescribed speeds.
+
+    All nodes within `length` of either end follow the grip. Its separation speed rises from zero
+    to `velocity` in the time `ramp` as 3 t^2 - 2 t^3.
+    """
+
+    length: Positive = Field(description="of the specimen in each grip, m")
+    velocity: Positive = Field(description="at which the two grips move apart, m/s")
+    ramp: NonNegative = Field(description="time in which they reach it, s")
+    lateral: Literal["held", "free"] = Field(
+        default="held", description="whether nodes in the grips may move across the pull"
+    )
+    gauge_length: Positive | None = Field(
+        default=None,
+        description="of the middle part on which strains are measured, m;"
+        " default: half of the length between the grips",
+    )
+
+
 class Solver(_Table):
     """Time integration and the machine."""
 
@@ -323,11 +394,12 @@ class Notch(_Table):
 class Scene(_Table):
     """A complete scene. A table that is left out (None) is a feature that is left out."""
 
-    scenario: Literal["impact"]
+    scenario: Literal["impact", "tension"]
     plate: Plate
     material: Material
     striker: Striker | None = None
     clamp: Clamp | None = None
+    grips: Grips | None = None
     solver: Solver
     output: Output = Output()
     notch: tuple[Notch, ...] = ()
@@ -349,6 +421,7 @@ class Scene(_Table):
     def _check(self) -> "Scene":
         self._check_clamp()
         self._check_striker()
+        self._check_tension()
         self._check_output()
         for number, notch in enumerate(self.notch):
             self._check_notch(f"notch[{number}]", notch)
@@ -386,6 +459,30 @@ class Scene(_Table):
         if math.hypot(*place) + diameter / 2 >= inner / 2:
             why = f"the striker must stay inside clamp.inner_diameter = {inner!r}"
             raise _refuse("striker.position", place, why)
+
+    def _check_tension(self) -> None:
+        pulled = self.scenario == "tension"
+        for key in ("striker", "clamp") if pulled else ("grips",):
+            if getattr(self, key) is not None:
+                raise _refuse("scenario", self.scenario, f"has no table [{key}]")
+        if not pulled:
+            if self.plate.angle:
+                raise _refuse("plate.angle", self.plate.angle, 'only for scenario = "tension"')
+            return
+        if self.grips is None:
+            raise ValueError("missing table '[grips]' (scenario = \"tension\")")
+        grips, spacing = self.grips, self.plate.spacing
+        between = self.plate.size[0] - 2 * grips.length
+        if between < 2 * spacing:
+            longest = self.plate.size[0] / 2 - spacing
+            why = f"must be at most {longest:.6g}, which leaves two modules between the grips"
+            raise _refuse("grips.length", grips.length, why)
+        gauge = max(between / 2, 2 * spacing) if grips.gauge_length is None else grips.gauge_length
+        if not 2 * spacing * (1 - ROUNDING) <= gauge <= between * (1 + ROUNDING):
+            why = f"must lie between two modules, {2 * spacing:.6g}, and the grips, {between:.6g}"
+            raise _refuse("grips.gauge_length", gauge, why)
+        # resolved here, once: the default depends on another table
+        object.__setattr__(self, "grips", grips.model_copy(update={"gauge_length": gauge}))
 
     def _check_output(self) -> None:
         end, output = self.solver.duration, self.output
@@ -429,7 +526,7 @@ class Scene(_Table):
 
 # Keys that belong to the format but not to this version: a nearest-key hint would mislead.
 LATER_KEYS = ("disorder", "modes", "plate.perturbation")
-LATER_SCENARIOS = ("modes", "tension", "bend", "wave")
+LATER_SCENARIOS = ("modes", "bend", "wave")
 
 # An override of one replaces the other.
 EXCLUSIVE: dict[tuple[str, ...], str] = {
@@ -630,6 +727,7 @@ def _table_at(location: tuple[int | str, ...]) -> type[_Table]:
         "material": Material,
         "striker": Striker,
         "clamp": Clamp,
+        "grips": Grips,
         "solver": Solver,
         "output": Output,
         "notch": Notch,

@@ -1,5 +1,6 @@
 """A simulation built from exactly what its scene names."""
 
+import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -9,12 +10,21 @@ import numpy.typing as npt
 import taichi as ti
 
 from taichi_ldem import stability
-from taichi_ldem.contact import IMPULSE, LOSS_AFTER, LOSS_BEFORE, PLATE_BEFORE, Rings, Striker
+from taichi_ldem.contact import (
+    IMPULSE,
+    LOSS_AFTER,
+    LOSS_BEFORE,
+    PLATE_BEFORE,
+    Grips,
+    Rings,
+    Striker,
+)
 from taichi_ldem.dynamics import Dynamics, Features, field_bytes
 from taichi_ldem.energy import BROKEN, DAMPED, FRACTURE, KINETIC, STRAIN, EnergySums, Ledger
-from taichi_ldem.lattice import Lattice, disc, prism
+from taichi_ldem.gauge import Gauge
+from taichi_ldem.lattice import Lattice, cut_out, disc, dumbbell_half_width, prism
 from taichi_ldem.material import check
-from taichi_ldem.scene import Scene, SceneError
+from taichi_ldem.scene import Plate, Scene, SceneError
 
 WARN_ERROR, STOP_ERROR = 0.01, 0.05
 """Energy errors at which a run warns and stops."""
@@ -40,6 +50,9 @@ class Sample:
         striker_displacement (m), striker_velocity (m/s): positive towards the plate; None without.
         striker_force: impulse over the time since the last sample, N; None without a striker.
         ring_force: the same for what holds the plate, positive against the striker; None without.
+        grip_displacement: how far the grips have moved apart, m; None without grips.
+        grip_force: their mean pull, impulse over the time since the last sample, N; None without.
+        gauge_strain, gauge_lateral_strain: see ``Gauge``; None without grips.
     """
 
     time: float
@@ -52,6 +65,10 @@ class Sample:
     striker_velocity: float | None = None
     striker_force: float | None = None
     ring_force: float | None = None
+    grip_displacement: float | None = None
+    grip_force: float | None = None
+    gauge_strain: float | None = None
+    gauge_lateral_strain: float | None = None
 
 
 def build_lattice(scene: Scene) -> Lattice:
@@ -60,7 +77,23 @@ def build_lattice(scene: Scene) -> Lattice:
     mask = prism(*plate.modules)
     if plate.diameter is not None:
         mask = disc(*plate.modules, plate.diameter / plate.spacing)
+    elif not plate.is_prism:
+        mask = _specimen(plate)
     return Lattice(mask, plate.spacing, plate.surface_weights)
+
+
+def _specimen(plate: Plate) -> npt.NDArray[np.bool_]:
+    """Mask of a dumb-bell, or of a prism that is cut at an angle to the lattice."""
+    edge = plate.spacing
+    length, width = (side / edge for side in plate.size[:2])
+
+    def half_width(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        if plate.narrow_width and plate.narrow_length and plate.fillet_radius:
+            narrow = (plate.narrow_width, plate.narrow_length, plate.fillet_radius)
+            return dumbbell_half_width(x, width, *(value / edge for value in narrow))
+        return np.full_like(x, width / 2)
+
+    return cut_out(*plate.modules, length, half_width, math.radians(plate.angle))
 
 
 def notch_bars(scene: Scene, lattice: Lattice) -> npt.NDArray[np.uint16]:
@@ -88,7 +121,7 @@ class Simulation:
 
     Attributes:
         dynamics: the lattice's fields and kernels.
-        striker, rings: None where the scene has none.
+        striker, rings, grips, gauge: None where the scene has none.
         time_step, critical_time_step: s.
         step_number: of the next step; the displacement at ``time`` lies in buffer ``now``.
 
@@ -121,11 +154,17 @@ class Simulation:
         self.striker = (
             Striker(self.dynamics, scene.striker, self.time_step) if scene.striker else None
         )
+        self.has_grips, angle = scene.grips is not None, math.radians(scene.plate.angle)
+        self.grips = Grips(self.dynamics, scene.grips, angle) if scene.grips else None
+        self.gauge = None
+        if scene.grips and scene.grips.gauge_length:
+            self.gauge = Gauge(self.dynamics, angle, scene.grips.gauge_length)
+        self.bodies = [b for b in (self.rings, self.striker, self.grips) if b is not None]
         self.energies = EnergySums(self.dynamics)
         self.now, self.step_number = 0, 0
         self._start: Ledger | None = None
         self._last: Sample | None = None
-        self._impulses = np.zeros(2)
+        self._impulses = np.zeros(3)
 
     def _choose_time_step(self) -> tuple[float, int]:
         """Time step and the number of steps between two samples.
@@ -160,20 +199,22 @@ class Simulation:
             self.rings.resolve(now, spacing, time_step, damping)  # type: ignore[union-attr]
         if ti.static(self.has_striker):
             self.striker.resolve(now, spacing, time_step, damping)  # type: ignore[union-attr]
+        if ti.static(self.has_grips):
+            self.grips.resolve(now, spacing, time_step, damping)  # type: ignore[union-attr]
 
     def _step(self, measure: bool) -> None:
         if self.step_number % STEPS_BETWEEN_LISTS == 0:
             self._list_candidates()
         dt, spacing = self.time_step, self.spacing
         self.dynamics.step(self.now, spacing, dt, dt, self.damping, self.peak_strain, measure)
-        if self.has_rings or self.has_striker:
+        if self.bodies:
             self._contact(self.now, spacing, dt, self.damping)
         self.now = 1 - self.now
         self.step_number += 1
 
     def _list_candidates(self) -> None:
         """List the nodes that may touch a rigid body before the next listing."""
-        bodies = [b for b in (self.rings, self.striker) if b is not None and b.moving]
+        bodies = [body for body in self.bodies if body.moving]
         if not bodies:
             return
         approach = abs(self.striker.motion()[2]) if self.striker is not None else 0.0
@@ -206,15 +247,16 @@ class Simulation:
 
     def sample_step(self) -> Sample:
         """Take one step and return the state at its start, with energies centred there."""
-        bodies = [b for b in (self.rings, self.striker) if b is not None]
-        lost = sum(float(b.collected()[LOSS_AFTER]) for b in bodies)
+        given = [float(b.collected()[LOSS_AFTER]) for b in self.bodies]
         moved = self.striker.motion()[0] if self.striker is not None else 0.0
         step, at = self.step_number, self.time
         self._step(True)
         self.energies.potential(1 - self.now)
         total = self.energies.total()
-        contact = [b.collected() for b in bodies]
-        lost += sum(float(c[LOSS_BEFORE]) for c in contact)
+        contact = [b.collected() for b in self.bodies]
+        given = [g + float(c[LOSS_BEFORE]) for g, c in zip(given, contact, strict=True)]
+        # what grips take is no loss but their work, with the other sign
+        lost = sum(g for g, b in zip(given, self.bodies, strict=True) if b is not self.grips)
         kinetic = float(total[KINETIC]) + sum(float(c[PLATE_BEFORE]) for c in contact)
         striker = self.scene.striker
         kinetic_striker = external = 0.0
@@ -222,6 +264,7 @@ class Simulation:
             _, before, after = self.striker.motion()
             kinetic_striker = 0.5 * striker.mass * before * after
             external = striker.mass * striker.gravity * moved
+        external += lost - sum(given)
         ledger = Ledger(
             kinetic,
             kinetic_striker,
@@ -238,8 +281,8 @@ class Simulation:
         if self._start is None:
             self._start = ledger
         since = at - self._last.time if self._last is not None else self.time_step
-        forces: list[float | None] = [None, None]
-        for n, body in enumerate((self.striker, self.rings)):
+        forces: list[float | None] = [None, None, None]
+        for n, body in enumerate((self.striker, self.rings, self.grips)):
             if body is not None:
                 impulse = float(body.collected()[IMPULSE])
                 forces[n] = (impulse - self._impulses[n]) / since
@@ -259,6 +302,9 @@ class Simulation:
             velocity,
             -forces[0] if forces[0] is not None else None,
             forces[1],
+            self.grips.separation_at(at) if self.grips is not None else None,
+            forces[2],
+            *(self.gauge.strains(1 - self.now) if self.gauge is not None else ()),
         )
 
     def samples(self) -> Iterator[Sample]:
@@ -307,21 +353,23 @@ class Simulation:
 
     def compile(self) -> None:
         """Compile every kernel that a run needs; nothing has moved afterwards."""
-        bodies = [b for b in (self.rings, self.striker) if b is not None]
         self._list_candidates()
         for measure in (False, True):
             self._rest(measure)
-        listed = [body.listed() for body in bodies]
-        for body in bodies:
+        listed = [body.listed() for body in self.bodies]
+        for body in self.bodies:
             body.set_nodes(np.zeros(0, dtype=np.int32), 0)
-        state = self.striker.state.to_numpy() if self.striker is not None else None
-        if bodies:
+        moved = [body for body in (self.striker, self.grips) if body is not None]
+        states = [body.state.to_numpy() for body in moved]
+        if self.bodies:
             self._contact(self.now, self.spacing, self.time_step, self.damping)
-        if self.striker is not None:
-            self.striker.state.from_numpy(state)
-        for body, nodes in zip(bodies, listed, strict=True):
+        for body, state in zip(moved, states, strict=True):
+            body.state.from_numpy(state)
+        for body, nodes in zip(self.bodies, listed, strict=True):
             body.set_nodes(nodes, len(nodes))
         self.energies.potential(self.now)
+        if self.gauge is not None:
+            self.gauge.strains(self.now)
         if self.dynamics.features.damage:
             self.dynamics.new_broken()
 
@@ -344,10 +392,10 @@ class Simulation:
             name: sum(field_bytes(field) for field in fields)
             for name, fields in self.dynamics.fields().items()
         }
-        for prefix, part in (("rings.", self.rings), ("striker.", self.striker)):
-            for name, value in vars(part or object).items():
+        for part in ("rings", "striker", "grips", "gauge"):
+            for name, value in vars(getattr(self, part) or object).items():
                 if isinstance(value, ti.Field):
-                    sizes[prefix + name] = field_bytes(value)
+                    sizes[f"{part}.{name}"] = field_bytes(value)
         return sizes | {"energies.rows": field_bytes(self.energies.rows)}
 
     # -- results

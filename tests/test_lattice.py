@@ -2,7 +2,15 @@ import numpy as np
 import pytest
 from reference import Body
 
-from taichi_ldem.lattice import Lattice, bar_weights, disc, node_masses, prism
+from taichi_ldem.lattice import (
+    Lattice,
+    bar_weights,
+    cut_out,
+    disc,
+    dumbbell_half_width,
+    node_masses,
+    prism,
+)
 
 RAGGED = np.random.default_rng(3).random((3, 4, 5)) < 0.6
 LONE = np.zeros((2, 3, 3), dtype=bool)
@@ -98,3 +106,43 @@ def test_a_short_notch_cuts_only_bars_that_pass_through_it() -> None:
     bits = cut[..., None] >> np.arange(14) & 1
     np.testing.assert_array_equal(body.bar_values(bits, lattice.bar_midpoints), inside)
     assert inside.any()
+
+
+# ASTM D638, type V, in millimetres: overall width 9.53, narrow part 3.18 x 9.53, fillets of 12.7
+TYPE_V = {"width": 9.53, "narrow_width": 3.18, "narrow_length": 9.53, "fillet_radius": 12.7}
+
+
+def test_a_dumb_bell_narrows_in_arcs() -> None:
+    x = np.linspace(-31.75, 31.75, 2541)
+    half = dumbbell_half_width(x, **TYPE_V)
+    np.testing.assert_allclose(half, half[::-1], rtol=1e-13)
+    assert (half[np.abs(x) < 4.765] == 1.59).all()
+    # the arc's centre lies a radius beside the narrow part; the tabs begin 8.40 mm further:
+    # sqrt(12.7^2 - (12.7 - 3.175)^2)
+    arc = (np.abs(x) > 4.765) & (np.abs(x) < 4.765 + 8.39)
+    from_centre = np.hypot(np.abs(x[arc]) - 4.765, half[arc] - (1.59 + 12.7))
+    np.testing.assert_allclose(from_centre, 12.7, rtol=1e-12)
+    assert (half[np.abs(x) > 4.765 + 8.41] == 4.765).all()
+
+
+def test_a_dumb_bell_of_modules_has_its_narrow_part_and_tabs() -> None:
+    edge = 3.2 / 6
+    outline = {name: value / edge for name, value in TYPE_V.items()}
+    mask = cut_out(119, 18, 6, 63.5 / edge, lambda x: dumbbell_half_width(x, **outline))
+    across = mask[3].sum(axis=0)
+    assert across[59] == across.min() == 6  # 3.18 mm are 5.96 modules
+    assert (across[:35] == 18).all()  # the tab goes on for 18.6 mm
+    assert (across[50:69] == 6).all()
+    exact = 63.5 * np.mean(2 * dumbbell_half_width(np.linspace(-31.75, 31.75, 10001), **TYPE_V))
+    assert mask[0].sum() * edge**2 == pytest.approx(exact, rel=0.01)
+    np.testing.assert_array_equal(mask, mask[:, ::-1, ::-1])
+
+
+def test_a_prism_cut_along_a_diagonal() -> None:
+    mask = cut_out(40, 40, 2, 30.0, lambda x: np.full_like(x, 4.0), np.pi / 4)
+    y, x = np.nonzero(mask[0])
+    u, v = x + y - 39, x - y  # sqrt(2) times the distances along and across, from the middle
+    # the largest whole numbers within 15 sqrt(2) and 4 sqrt(2); of u and v one is odd, one even
+    assert (u.min(), u.max(), v.min(), v.max()) == (-21, 21, -5, 5)
+    assert mask[0].sum() == 22 * 5 + 21 * 6
+    np.testing.assert_array_equal(mask[0], mask[0].T)

@@ -32,19 +32,24 @@ def columns(scene: Scene) -> list[str]:
     """Names of the history's columns: those of features that the scene names."""
     damping, striker = scene.solver.damping > 0, scene.striker is not None
     gravity = scene.striker is not None and scene.striker.gravity > 0
+    grips = scene.grips is not None
     names = {
         "time_s": True,
         "striker_displacement_m": striker,
         "striker_velocity_m_s": striker,
         "striker_force_n": striker,
         "ring_force_n": scene.held,
+        "grip_displacement_m": grips,
+        "grip_force_n": grips,
+        "gauge_strain": grips,
+        "gauge_lateral_strain": grips,
         "kinetic_plate_j": True,
         "kinetic_striker_j": striker,
         "strain_j": True,
         "fracture_j": scene.material.damage,
         "damping_j": damping,
         "contact_j": striker or scene.held,
-        "external_j": gravity,
+        "external_j": gravity or grips,
         "energy_error": True,
         "broken_bars": scene.material.damage,
     }
@@ -60,6 +65,10 @@ def row(sample: "Sample") -> dict[str, float | int | None]:
         "striker_velocity_m_s": sample.striker_velocity,
         "striker_force_n": sample.striker_force,
         "ring_force_n": sample.ring_force,
+        "grip_displacement_m": sample.grip_displacement,
+        "grip_force_n": sample.grip_force,
+        "gauge_strain": sample.gauge_strain,
+        "gauge_lateral_strain": sample.gauge_lateral_strain,
         "kinetic_plate_j": ledger.kinetic_plate,
         "kinetic_striker_j": ledger.kinetic_striker,
         "strain_j": ledger.strain,
@@ -122,9 +131,18 @@ Summary = Callable[["Simulation", History], dict[str, Any]]
 
 
 def run(
-    scene: Scene, out: Path, summary: Summary, *, force: bool = False, quiet: bool = False
+    scene: Scene,
+    out: Path,
+    summary: Summary,
+    *,
+    force: bool = False,
+    quiet: bool = False,
+    prepare: Callable[["Simulation"], None] | None = None,
 ) -> int:
     """Run a scene into a folder, with figures and snapshots.
+
+    Args:
+        prepare: changes the simulation before its first step, in a way that no scene describes.
 
     Returns:
         0; 3 where the guard stopped the run; 130 after Ctrl-C. What was computed until then is
@@ -142,6 +160,8 @@ def run(
 
     simulation = Simulation(scene)
     simulation.compile()
+    if prepare is not None:
+        prepare(simulation)
     expected = simulation.measure_step() * simulation.steps
     compiled = time.perf_counter() - started
     folder = RunFolder.create(out, force=force)
@@ -223,7 +243,8 @@ def _progress(console: Console, simulation: "Simulation") -> Iterator[Any]:
     begun = time.perf_counter()
 
     def text(sample: "Sample") -> str:
-        force = "" if sample.striker_force is None else f"  F {sample.striker_force:7.1f} N"
+        given = sample.striker_force if sample.grip_force is None else sample.grip_force
+        force = "" if given is None else f"  F {given:7.1f} N"
         return (
             f"t {1e3 * sample.time:8.4f} ms  step {sample.step:7d}{force}  "
             f"broken {sample.broken_bars:7d}  energy error {sample.energy_error:.1e}"

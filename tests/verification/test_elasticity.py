@@ -58,12 +58,15 @@ def test_a_quarter_gives_the_isotropic_solid_and_only_with_equation_2() -> None:
     assert 2 * c44 / (c11 - c12) == pytest.approx(0.4, rel=1e-12)  # isotropic would be one
 
 
-def _tension(width: int, stiffness: tuple[float, float]) -> tuple[float, float]:
-    """E and nu of an infinite prism of width x width modules along x, by a static solve.
+def tension_of_a_prism(
+    width: int, stiffness: tuple[float, float], height: int = 0, surface_weights: bool = True
+) -> tuple[float, float]:
+    """E and nu of an infinite prism of width x height modules along x, by a static solve.
 
     One slice of modules with periodic ends: strain one along x, lateral faces free.
     """
-    body = Body(prism(3, width, width))
+    height = height or width
+    body = Body(prism(3, width, height), surface_weights=surface_weights)
     first = body.places[body.ends].min(axis=1)[:, 0]
     slice_ = (first >= 2) & (first < 4)
     ends, along = body.ends[slice_], (body.rest / body.lengths[:, None])[slice_]
@@ -93,13 +96,13 @@ def _tension(width: int, stiffness: tuple[float, float]) -> tuple[float, float]:
         np.mean([moved[3 * n + 1] for p, n in at.items() if p[:2] == (0, side)])
         for side in (0, 2 * width)
     )
-    return 2 * float(energy) / width**2, -float(right - left) / width
+    return 2 * float(energy) / (width * height), -float(right - left) / width
 
 
 @pytest.mark.parametrize("nu", [0.2, 0.25, 0.3])
 def test_a_bar_in_tension_has_young_s_modulus_and_poisson_s_ratio(nu: float) -> None:
     stiffness = mat.axial_stiffness(1.0, nu, 1.0)
-    coarse, fine = (np.array(_tension(n, stiffness)) for n in (10, 20))
+    coarse, fine = (np.array(tension_of_a_prism(n, stiffness)) for n in (10, 20))
     # a free face costs a layer of given depth, so the error is of first order in 1/width
     modulus, ratio = 2 * fine - coarse
     assert modulus == pytest.approx(1.0, rel=1e-4)
