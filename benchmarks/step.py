@@ -21,7 +21,7 @@ def main() -> None:
     simulation = Simulation(scene)
     simulation.sample_step()  # compiles all that a run needs
     # ahead of the first wave lie subnormal displacements, which no later step sees: let it pass
-    simulation.advance(2 * max(simulation.dynamics.sites))
+    simulation.advance(4 * max(simulation.dynamics.sites))
     wanted = max(int(steps), simulation.sample_every)
     started, first = time.perf_counter(), simulation.step_number
     while simulation.step_number - first < wanted:

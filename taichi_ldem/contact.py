@@ -23,12 +23,14 @@ import numpy as np
 import numpy.typing as npt
 import taichi as ti
 
-from taichi_ldem.dynamics import Dynamics
+from taichi_ldem.dynamics import CENTRE, CORNER, Dynamics
+from taichi_ldem.lanes import HALO
 from taichi_ldem.scene import Clamp, Plate, SceneError
 from taichi_ldem.scene import Grips as GripsScene
 from taichi_ldem.scene import Striker as StrikerScene
 
-CHUNK = 32
+CHUNK = 8
+"""Nodes summed at a time: few, because Taichi gives a CPU thread at least 512 turns of a loop."""
 
 # what both bodies accumulate
 IMPULSE, PLATE_BEFORE, LOSS_BEFORE, LOSS_AFTER = range(4)
@@ -166,8 +168,9 @@ class RigidBody:
         """List the nodes that may touch the body within ``reach`` (s) from now.
 
         A node's margin is 0.45 of a module plus twice the way that it and the body, at the speed
-        ``approach`` (m/s), go in that time: a node may be accelerated meanwhile, at most to about
-        the wave speed times eps_p, the speed at which a breaking bar lets go.
+        ``approach`` (m/s), go in that time (bounded by the sum of its velocity's components): a
+        node may be accelerated meanwhile, at most to about the wave speed times eps_p, the speed
+        at which a breaking bar lets go.
         """
         found = np.zeros(self.capacity, dtype=np.int32)
         count = np.zeros(1, dtype=np.int32)
@@ -185,15 +188,22 @@ class RigidBody:
         count: ti.types.ndarray(),
     ):
         nz, ny, nx = ti.static(self.dynamics.sites)
-        for s, k, j, i in ti.ndrange(2, nz, ny, nx):
-            if self.dynamics.node_mass(s, k, j, i) > 0:
-                moved = ti.cast(self.dynamics.node_displacement(now, s, k, j, i), ti.f64)
-                speed = self.dynamics.node_velocity(s, k, j, i).norm()
-                margin = 0.45 * spacing + 2 * reach * (speed + approach)
-                if self.near(self.rest(s, k, j, i, spacing) + moved, margin):
-                    place = ti.atomic_add(count[0], 1)
-                    if place < found.shape[0]:
-                        found[place] = ((s * nz + k) * ny + j) * nx + i
+        owned = ti.static((HALO, HALO + self.dynamics.lanes.length))
+        for k, j, m in ti.ndrange((1, nz - 1), (1, ny - 1), owned):
+            for lane in ti.static(range(self.dynamics.lanes.width)):
+                i = self.dynamics.site_of(m, lane)
+                mass = self.dynamics.mass[int(self.dynamics.code[k, j, m][lane])]
+                for s in ti.static((CORNER, CENTRE)):
+                    moved = ti.Vector.zero(ti.f64, 3)
+                    speed = approach
+                    for axis in ti.static(range(3)):
+                        moved[axis] = self.dynamics.displacement[s][axis][now, k, j, m][lane]
+                        speed += ti.abs(self.dynamics.velocity[s][axis][k, j, m][lane])
+                    margin = 0.45 * spacing + 2 * reach * speed
+                    if mass[s] > 0 and self.near(self.rest(s, k, j, i, spacing) + moved, margin):
+                        place = ti.atomic_add(count[0], 1)
+                        if place < found.shape[0]:
+                            found[place] = ((s * nz + k) * ny + j) * nx + i
 
     @ti.func
     def book(self, impulse, plate_before, before, after):
@@ -383,10 +393,12 @@ class Rings(RigidBody):
     @ti.func
     def near(self, position, margin):
         """Whether a point is within a margin of a ring's plane."""
-        radius = ti.sqrt(position.x**2 + position.y**2)
-        close = (position.z < margin) | (position.z > self.numbers[HEIGHT] - margin)
-        away = (radius < self.numbers[INNER] - margin) | (radius > self.numbers[OUTER] + margin)
-        return close & ~away
+        close = False
+        if (position.z < margin) | (position.z > self.numbers[HEIGHT] - margin):
+            radius = ti.sqrt(position.x**2 + position.y**2)
+            close = radius >= self.numbers[INNER] - margin
+            close &= radius <= self.numbers[OUTER] + margin
+        return close
 
     @ti.func
     def held_at(self, s, k, j, i, now, spacing):
@@ -394,15 +406,16 @@ class Rings(RigidBody):
         old = ti.cast(self.dynamics.node_displacement(now, s, k, j, i), ti.f64)
         new = ti.cast(self.dynamics.node_displacement(1 - now, s, k, j, i), ti.f64)
         rest = self.rest(s, k, j, i, spacing)
-        radius = ti.sqrt((rest.x + old.x) ** 2 + (rest.y + old.y) ** 2)
         slack = 1e-3 * spacing
         below, above = rest.z, rest.z - self.numbers[HEIGHT]
         held = False
-        if radius >= self.numbers[INNER] and radius <= self.numbers[OUTER]:
-            if above + new.z > 0 and above + old.z <= slack:
-                held, old.z = True, -above
-            elif below + new.z < 0 and below + old.z >= -slack:
-                held, old.z = True, -below
+        if above + new.z > 0 or below + new.z < 0:
+            radius = ti.sqrt((rest.x + old.x) ** 2 + (rest.y + old.y) ** 2)
+            if radius >= self.numbers[INNER] and radius <= self.numbers[OUTER]:
+                if above + new.z > 0 and above + old.z <= slack:
+                    held, old.z = True, -above
+                elif below + new.z < 0 and below + old.z >= -slack:
+                    held, old.z = True, -below
         return held, old
 
     @ti.func

@@ -29,7 +29,7 @@ from taichi_ldem.scene import Plate, Scene, SceneError
 WARN_ERROR, STOP_ERROR = 0.01, 0.05
 """Energy errors at which a run warns and stops."""
 
-STEPS_BETWEEN_LISTS = 32
+STEPS_BETWEEN_LISTS = 64
 """Steps between two listings of the nodes near a rigid body."""
 
 
