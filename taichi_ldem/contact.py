@@ -232,6 +232,8 @@ class RigidBody:
 class Striker(RigidBody):
     """Rigid hemisphere on a cylindrical shaft of its own diameter; moves along -z, frictionless.
 
+    Few nodes are near it: on the CPU one thread is faster than waking the others.
+
     The step is implicit in the striker's velocity: with all touching nodes on its surface their
     impulses are linear in its change of velocity, one scalar equation. So a light striker is as
     stable as a heavy one.
@@ -293,6 +295,7 @@ class Striker(RigidBody):
     def resolve(self, now, spacing, time_step, damping):
         """Put penetrating nodes on the surface and stop the striker by as much."""
         dt = ti.cast(time_step, ti.f64)
+        ti.loop_config(serialize=self.dynamics.on_cpu)
         for chunk in range(self.chunks()):
             # with every touching node on the surface: M dV = sum(m (depth - n_z dt dV) n_z) / dt
             driven, inertia = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
@@ -305,9 +308,11 @@ class Striker(RigidBody):
                     driven += mass * depth * normal.z / dt
                     inertia += mass * normal.z**2
             self.chunk_sums[chunk] = ti.Vector([driven, inertia, 0.0, 0.0], ti.f64)
-        for _ in range(1):  # a task of its own, after the chunks' and serial
+        ti.loop_config(serialize=True)  # a task of its own, after the chunks'
+        for _ in range(1):
             total = self.total()
             self.state[TRIAL] = total[0] / (self.numbers[MASS] + total[1])
+        ti.loop_config(serialize=self.dynamics.on_cpu)
         for chunk in range(self.chunks()):
             works = vec3d(0.0, 0.0, 0.0)
             flight = self.state[DISPLACEMENT] + dt * (
@@ -323,6 +328,7 @@ class Striker(RigidBody):
                     )
                 self.before[number] = self.dynamics.node_velocity(s, k, j, i)
             self.chunk_sums[chunk] = ti.Vector([works[0], works[1], works[2], 0.0], ti.f64)
+        ti.loop_config(serialize=True)
         for _ in range(1):
             total = self.total()
             before = self.state[VELOCITY]
@@ -435,6 +441,7 @@ class Rings(RigidBody):
                     works += self.put(number, s, k, j, i, now, time_step, damping, target)
                 self.before[number] = self.dynamics.node_velocity(s, k, j, i)
             self.chunk_sums[chunk] = ti.Vector([works[0], works[1], works[2], 0.0], ti.f64)
+        ti.loop_config(serialize=True)
         for _ in range(1):
             total = self.total()
             self.book(total[0], total[1], total[1], total[2])
@@ -492,6 +499,7 @@ class Grips(RigidBody):
     @ti.func
     def resolve(self, now, spacing, time_step, damping):
         """Put all nodes in the grips where these are at the end of the step."""
+        ti.loop_config(serialize=True)
         for _ in range(1):
             self.state[0] = self.state[0] + 1
         for chunk in range(self.chunks()):
@@ -512,6 +520,7 @@ class Grips(RigidBody):
                 works += gained
                 self.before[number] = self.dynamics.node_velocity(s, k, j, i)
             self.chunk_sums[chunk] = ti.Vector([works[0], works[1], works[2], 0.0], ti.f64)
+        ti.loop_config(serialize=True)
         for _ in range(1):
             total = self.total()
             self.book(total[0], total[1], total[1], total[2])
