@@ -314,6 +314,25 @@ class Grips(_Table):
     )
 
 
+class Pulse(_Table):
+    """A wave that travels along an axis from t = 0 on: Gaussian in displacement, two probe planes.
+
+    longitudinal, shear: a plane wave over the whole section (shear moves along the next axis: y for
+    x, z for y, x for z). bar: the fundamental longitudinal mode of a bar with free sides.
+    """
+
+    axis: Axis = Field(description="direction of travel, towards larger coordinates")
+    kind: Literal["longitudinal", "shear", "bar"] = "longitudinal"
+    wavelength: Positive = Field(
+        description="where the strain's spectrum peaks, m: 2 pi times the Gaussian's deviation"
+    )
+    amplitude: Annotated[Real, Field(gt=0, le=0.01)] = Field(
+        default=1e-6, description="largest strain along the axis"
+    )
+    position: Real = Field(description="of its middle along the axis at t = 0, m")
+    probes: tuple[Real, Real] = Field(description="two positions along the axis, m")
+
+
 class Solver(_Table):
     """Time integration and the machine."""
 
@@ -394,12 +413,13 @@ class Notch(_Table):
 class Scene(_Table):
     """A complete scene. A table that is left out (None) is a feature that is left out."""
 
-    scenario: Literal["impact", "tension"]
+    scenario: Literal["impact", "tension", "wave"]
     plate: Plate
     material: Material
     striker: Striker | None = None
     clamp: Clamp | None = None
     grips: Grips | None = None
+    pulse: Pulse | None = None
     solver: Solver
     output: Output = Output()
     notch: tuple[Notch, ...] = ()
@@ -422,6 +442,7 @@ class Scene(_Table):
         self._check_clamp()
         self._check_striker()
         self._check_tension()
+        self._check_pulse()
         self._check_output()
         for number, notch in enumerate(self.notch):
             self._check_notch(f"notch[{number}]", notch)
@@ -484,6 +505,39 @@ class Scene(_Table):
         # resolved here, once: the default depends on another table
         object.__setattr__(self, "grips", grips.model_copy(update={"gauge_length": gauge}))
 
+    def _check_pulse(self) -> None:
+        pulse = self.pulse
+        if pulse is None:
+            if self.scenario == "wave":
+                raise ValueError("missing table '[pulse]' (scenario = \"wave\")")
+            return
+        if self.scenario != "wave":
+            raise _refuse("scenario", self.scenario, 'must be "wave" with a table [pulse]')
+        self._check_alone()
+        shortest = 4 * self.plate.spacing
+        if pulse.wavelength < shortest:
+            why = f"must be at least {shortest:.6g}, four modules"
+            raise _refuse("pulse.wavelength", pulse.wavelength, why)
+        axis = "xyz".index(pulse.axis)
+        side = self.plate.actual_size[axis]
+        low, high = (0.0, side) if axis == 2 else (-side / 2, side / 2)
+        if not low <= pulse.position < pulse.probes[0] < pulse.probes[1] <= high:
+            places = (pulse.position, *pulse.probes)
+            why = f"position and probes must rise between {low:.6g} and {high:.6g}, not {places}"
+            raise _refuse("pulse.probes", pulse.probes, why)
+
+    def _check_alone(self) -> None:
+        """A pulse runs through a free prism."""
+        if self.plate.shape != "rectangle":
+            raise _refuse("plate.shape", self.plate.shape, 'must be "rectangle" with [pulse]')
+        for name, present in (
+            ("striker", self.striker),
+            ("clamp", self.held),
+            ("notch", self.notch),
+        ):
+            if present:
+                raise ValueError(f"table '[{name}]': a pulse runs through a free, whole prism")
+
     def _check_output(self) -> None:
         end, output = self.solver.duration, self.output
         for key, limit in (("history_interval", MAX_SAMPLES), ("field_interval", MAX_FRAMES)):
@@ -526,7 +580,7 @@ class Scene(_Table):
 
 # Keys that belong to the format but not to this version: a nearest-key hint would mislead.
 LATER_KEYS = ("disorder", "modes", "plate.perturbation")
-LATER_SCENARIOS = ("modes", "bend", "wave")
+LATER_SCENARIOS = ("modes", "bend")
 
 # An override of one replaces the other.
 EXCLUSIVE: dict[tuple[str, ...], str] = {
@@ -665,7 +719,7 @@ def _explain(fault: ErrorDetails, data: object) -> str:
         return _missing(location, data)
     value = fault["input"]
     if key == "scenario" and value in LATER_SCENARIOS:
-        return f'scenario = {_show(value)}: not available in this version, use "impact"'
+        return f'scenario = {_show(value)}: not available in this version, use "impact", "tension" or "wave"'
     return f"{key} = {_show(value)}: {_wish(fault, location)}"
 
 
@@ -728,6 +782,7 @@ def _table_at(location: tuple[int | str, ...]) -> type[_Table]:
         "striker": Striker,
         "clamp": Clamp,
         "grips": Grips,
+        "pulse": Pulse,
         "solver": Solver,
         "output": Output,
         "notch": Notch,

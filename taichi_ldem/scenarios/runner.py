@@ -138,11 +138,13 @@ def run(
     force: bool = False,
     quiet: bool = False,
     prepare: Callable[["Simulation"], None] | None = None,
+    observe: Callable[["Simulation", "Sample"], None] | None = None,
 ) -> int:
     """Run a scene into a folder, with figures and snapshots.
 
     Args:
         prepare: changes the simulation before its first step, in a way that no scene describes.
+        observe: looks at the simulation at every sample, just after that step was taken.
 
     Returns:
         0; 3 where the guard stopped the run; 130 after Ctrl-C. What was computed until then is
@@ -172,7 +174,7 @@ def run(
     begun = time.perf_counter()
     history: History = []
     try:
-        _step_through(console, simulation, folder, fields, history)
+        _step_through(console, simulation, folder, fields, history, observe)
     except KeyboardInterrupt:
         code = INTERRUPTED
         print(f"interrupted at t = {simulation.time:.6g} s; kept in {out}", file=sys.stderr)
@@ -214,6 +216,7 @@ def _step_through(
     folder: RunFolder,
     fields: FieldOutput,
     history: History,
+    observe: Callable[["Simulation", "Sample"], None] | None,
 ) -> None:
     from taichi_ldem.simulation import WARN_ERROR
 
@@ -228,6 +231,8 @@ def _step_through(
             writer.append([values[name] for name in names])  # type: ignore[misc]
             history.append(values | {"energy_error_of_plate": sample.energy_error_of_plate})
             fields.take(sample)
+            if observe is not None:
+                observe(simulation, sample)
             tell(sample)
             worst = max(sample.energy_error, sample.energy_error_of_plate)
             if worst > WARN_ERROR and not warned:

@@ -1,0 +1,401 @@
+"""A pulse through a bar or a plate: arrival and dispersion beside the lattice's exact waves.
+
+The pulse is a sum of waves that the lattice carries exactly (``waves``), each set in motion towards
+larger coordinates: at t = 0 as displacement and velocity, afterwards as the answer that the run is
+held to. Plane waves (longitudinal, shear) cover the whole section and are read on its axis until
+news from the free sides can arrive there; the free ends reflect them as mirrors do. The waves of a
+bar are those of its section with free sides, read as a mean over the section before the far end
+answers.
+"""
+
+import math
+import sys
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from taichi_ldem import waves
+from taichi_ldem.lattice import Lattice, node_masses, prism
+from taichi_ldem.material import elastic_constants
+from taichi_ldem.scenarios import runner
+from taichi_ldem.scene import Pulse, Scene, SceneError
+from taichi_ldem.store import HistoryWriter
+
+if TYPE_CHECKING:
+    from taichi_ldem.simulation import Sample, Simulation
+
+Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+
+WAVELENGTHS = (80, 60, 40, 30, 24, 20, 16, 12, 10, 8, 7, 6, 5, 4)
+"""In module edges: where the dispersion is read, as far as the pulse has them."""
+TAIL = 4.5
+"""Deviations of the Gaussian after which the pulse counts as gone."""
+WEAKEST = 0.05
+"""Amplitude over the spectrum's largest below which a wavelength is not read."""
+PROFILES = 5
+
+
+def run(scene: Scene, out: Path, *, force: bool = False, quiet: bool = False) -> int:
+    """Run a pulse into a folder; exit codes and errors are ``runner.run``'s.
+
+    Raises:
+        SceneError: also for a prism too narrow for the pulse to pass the probes undisturbed.
+    """
+    packet = Packet(scene)
+    packet.check()
+    probes = Probes(packet)
+
+    def summary(simulation: "Simulation", _: runner.History) -> dict[str, Any]:
+        probes.write(out)
+        return probes.summary()
+
+    return runner.run(
+        scene, out, summary, force=force, quiet=quiet, prepare=probes.prepare, observe=probes.take
+    )
+
+
+@dataclass(frozen=True)
+class Packet:
+    """The waves that a scene's pulse is made of, u = Re sum a shape exp(i (k x - omega t))."""
+
+    scene: Scene
+
+    @property
+    def pulse(self) -> Pulse:
+        """The scene's table."""
+        assert self.scene.pulse is not None  # the scene refuses scenario "wave" without it
+        return self.scene.pulse
+
+    @property
+    def axis(self) -> int:
+        """Of travel: 0, 1, 2."""
+        return "xyz".index(self.pulse.axis)
+
+    @property
+    def moved(self) -> int:
+        """Axis of the displacement."""
+        return (self.axis + (self.pulse.kind == "shear")) % 3
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation of the Gaussian, m."""
+        return self.pulse.wavelength / (2 * math.pi)
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Coordinates of the specimen's ends along the axis, m."""
+        side = self.scene.plate.actual_size[self.axis]
+        return (0.0, side) if self.axis == 2 else (-side / 2, side / 2)
+
+    @cached_property
+    def wave_numbers(self) -> Array:
+        """(M,) of a period of twice the specimen's length, up to five over the deviation, 1/m."""
+        base = math.pi / (self.ends[1] - self.ends[0])
+        largest = min(5 / self.deviation, 2 * math.pi / self.scene.plate.spacing)
+        return base * np.arange(int(largest / base) + 1)
+
+    @cached_property
+    def amplitudes(self) -> Complex:
+        """(M,) of the Gaussian, m."""
+        k, w = self.wave_numbers, self.deviation
+        peak = self.pulse.amplitude * w * math.exp(0.5)  # the strain is largest at one deviation
+        share = np.where(k > 0, 2.0, 1.0) * w * math.sqrt(2 * math.pi)
+        period = 2 * (self.ends[1] - self.ends[0])
+        gauss = np.exp(-0.5 * (k * w) ** 2 - 1j * k * self.pulse.position)
+        return np.asarray(peak * share / period * gauss)
+
+    @cached_property
+    def medium(self) -> waves.Bulk:
+        """The infinite lattice."""
+        plate = self.scene.plate
+        return waves.bulk(self.scene.material, plate.spacing, plate.stiffness)
+
+    @cached_property
+    def guide(self) -> waves.Waveguide:
+        """The infinite bar with the specimen's section."""
+        plate = self.scene.plate
+        modules = list(plate.modules)
+        modules[self.axis] = 6
+        piece = Lattice(prism(*modules), plate.spacing, plate.surface_weights)
+        return waves.waveguide(self.scene.material, piece, self.axis, plate.stiffness)
+
+    @cached_property
+    def _modes(self) -> tuple[Array, Complex]:
+        # (M,) frequencies and (M, n, 3) shapes; n = 1 for plane waves
+        k, direction = self.wave_numbers, np.eye(3)[self.axis]
+        if self.pulse.kind != "bar":
+            omega, _ = self.medium.branch(k[1:, None] * direction, np.eye(3)[self.moved])
+            shape = np.broadcast_to(np.eye(3)[self.moved], (len(k), 1, 3))
+            return np.concatenate([[0.0], omega]), shape.astype(complex)
+        modes = [self.guide.longitudinal(float(one)) for one in k[1:]]
+        still = np.broadcast_to(direction, modes[0][1].shape)
+        return (
+            np.array([0.0, *(omega for omega, _ in modes)]),
+            np.array([still, *(shape for _, shape in modes)]),
+        )
+
+    @property
+    def frequencies(self) -> Array:
+        """(M,) of continuous time, 1/s."""
+        return self._modes[0]
+
+    def _phases(self, place: Array, time_step: float, time: Array) -> Complex:
+        """(M, times, places) a exp(i (k x - omega t)) at the frequencies of central differences."""
+        omega = waves.discrete_frequency(self.frequencies, time_step)
+        turn = self.wave_numbers[:, None, None] * place - omega[:, None, None] * time[:, None]
+        return np.asarray(self.amplitudes[:, None, None] * np.exp(1j * turn))
+
+    def signal(self, place: Array, time_step: float, time: Array) -> Array:
+        """(times, places) exact displacement that the probes see, m."""
+        total = self._phases(place, time_step, time).sum(axis=0).real
+        if self.pulse.kind != "bar":
+            mirror = 2 * self.ends[1] - place
+            total = total + self._phases(mirror, time_step, time).sum(axis=0).real
+        return np.asarray(total)
+
+    def state(self, lattice: Lattice, time_step: float) -> tuple[Array, Array]:
+        """Displacement (m) and velocity (m/s) at t = 0, (2, *S, 3), corner then centre.
+
+        The velocity is (u(dt) - u(-dt)) / (2 dt), from which the first step goes on exactly.
+        """
+        place = lattice.positions()
+        where = np.moveaxis(place[..., self.axis], 3 - self.axis, 3)[:, 0, 0, :]
+        omega = waves.discrete_frequency(self.frequencies, time_step)
+        rate = -1j * np.sin(omega * time_step) / time_step
+        fields = []
+        for factor in (np.ones(len(omega), dtype=complex), rate):
+            values = np.zeros(place.shape)
+            view = np.moveaxis(values, 3 - self.axis, 3)
+            for sublattice, x in enumerate(where):
+                self._fill(view[sublattice], sublattice, x, factor, time_step)
+            fields.append(values * lattice.exists()[..., None])
+        return fields[0], fields[1]
+
+    def _fill(
+        self, view: Array, sublattice: int, x: Array, factor: Complex, time_step: float
+    ) -> None:
+        """Put one sublattice's values at t = 0 into its view (A, B, N, 3)."""
+        start = np.zeros(1)
+        wave = factor[:, None] * self._phases(x, time_step, start)[:, 0]
+        if self.pulse.kind != "bar":
+            mirror = self._phases(2 * self.ends[1] - x, time_step, start)[:, 0]
+            wave = wave + factor[:, None] * mirror
+            view[..., self.moved] = wave.sum(axis=0).real
+            return
+        nodes = self.guide.nodes
+        corners = np.count_nonzero(nodes[0])
+        mine = slice(0, corners) if sublattice == 0 else slice(corners, None)
+        view[nodes[sublattice]] = np.einsum("mx,mnc->nxc", wave, self._modes[1][:, mine]).real
+
+    # -- how long the answer holds, and what speeds there are
+
+    @cached_property
+    def reference(self) -> tuple[str, float]:
+        """The continuum's speed of long waves: formula and m/s."""
+        material, plate = self.scene.material, self.scene.plate
+        c11, _, c44 = elastic_constants(
+            material.youngs_modulus, material.poisson_ratio, plate.stiffness
+        )
+        name, modulus = {
+            "longitudinal": ("sqrt(C11/rho)", c11),
+            "shear": ("sqrt(C44/rho)", c44),
+            "bar": ("sqrt(E/rho)", material.youngs_modulus),
+        }[self.pulse.kind]
+        return name, math.sqrt(modulus / material.density)
+
+    @property
+    def side_arrival(self) -> float | None:
+        """Earliest time at which the sides can disturb the axis of a plane wave, s."""
+        if self.pulse.kind == "bar":
+            return None
+        sides = self.scene.plate.actual_size
+        half = min(side for a, side in enumerate(sides) if a != self.axis) / 2
+        return half / self.medium.fastest
+
+    @property
+    def passed(self) -> float:
+        """Time at which the pulse has passed the second probe, at the continuum's speed, s."""
+        way = self.pulse.probes[1] - self.pulse.position + TAIL * self.deviation
+        return way / self.reference[1]
+
+    @property
+    def window(self) -> float:
+        """Time until which the probes see the outgoing pulse alone, s."""
+        way = 2 * self.ends[1] - self.pulse.probes[1] - self.pulse.position
+        echo = (way - TAIL * self.deviation) / self.reference[1]
+        return min(self.scene.solver.duration, echo, self.side_arrival or math.inf)
+
+    def check(self) -> None:
+        """Refuse a scene in which the pulse does not pass both probes undisturbed.
+
+        Raises:
+            SceneError: one line.
+        """
+        start = self.pulse.position - self.ends[0] - TAIL * self.deviation
+        if start < 0:
+            least = self.ends[0] + TAIL * self.deviation
+            raise SceneError(
+                f"pulse.position = {self.pulse.position}: must be at least {least:.4g} m, so that "
+                "the whole pulse starts inside the specimen"
+            )
+        if self.window >= self.passed:
+            return
+        late = f"the pulse has passed pulse.probes only at {self.passed:.3g} s, but "
+        if self.scene.solver.duration < self.passed:
+            raise SceneError(f"solver.duration = {self.scene.solver.duration}: {late}the run ends")
+        if self.side_arrival is not None and self.side_arrival < self.passed:
+            raise SceneError(
+                f"plate.size = {list(self.scene.plate.size)}: {late}waves from the free sides "
+                f"arrive at {self.side_arrival:.3g} s; take a wider plate"
+            )
+        raise SceneError(
+            f"pulse.probes = {list(self.pulse.probes)}: {late}its echo from the end is there at "
+            f"{self.window:.3g} s; take a longer specimen or a shorter pulse"
+        )
+
+
+class Probes:
+    """Reads the planes of corner nodes along the axis at every sample.
+
+    Attributes:
+        place: (planes,) coordinates, m.
+        chosen: planes of the scene's two probes.
+        times: s; seen: (planes,) displacement, m, of every sample so far.
+    """
+
+    def __init__(self, packet: Packet):
+        self.packet = packet
+        plate, low = packet.scene.plate, packet.ends[0]
+        self.place = low + plate.spacing * np.arange(plate.modules[packet.axis] + 1)
+        self.chosen = [int(np.abs(self.place - x).argmin()) for x in packet.pulse.probes]
+        self.times: list[float] = []
+        self.seen: list[Array] = []
+        self.time_step = math.nan
+
+    def prepare(self, simulation: "Simulation") -> None:
+        """Set the pulse in motion."""
+        lattice = simulation.dynamics.lattice
+        self.time_step = simulation.time_step
+        simulation.start_from(*self.packet.state(lattice, self.time_step))
+        middle = np.take(lattice.code, 3, axis=2 - self.packet.axis)
+        if self.packet.pulse.kind == "bar":
+            self.weights = node_masses()[middle][..., 0]
+        else:
+            self.weights = np.zeros(middle.shape)
+            self.weights[tuple((n - 1) // 2 for n in middle.shape)] = 1.0
+        self.weights = self.weights / self.weights.sum()
+
+    def take(self, simulation: "Simulation", sample: "Sample") -> None:
+        """Read one sample."""
+        moved = simulation.displacement_before()[0, ..., self.packet.moved]
+        planes = np.moveaxis(moved, 2 - self.packet.axis, 2)[..., 1:-1]
+        self.times.append(sample.time)
+        self.seen.append(np.einsum("abn,ab->n", planes, self.weights))
+
+    def write(self, folder: Path) -> None:
+        """Write probes.csv (both probes) and profiles.csv (the axis at some times)."""
+        time, seen = np.array(self.times), np.array(self.seen)
+        exact = self.packet.signal(self.place[self.chosen], self.time_step, time)
+        names = [f"probe_{n}{kind}_m" for kind in ("", "_exact") for n in (1, 2)]
+        with HistoryWriter(folder / "probes.csv", ["time_s", *names]) as file:
+            for row in zip(time, *seen[:, self.chosen].T, *exact.T, strict=True):
+                file.append(row)
+        # plane waves are followed beyond the first echo, a bar only up to it
+        end = min(time[-1], self.packet.side_arrival or self.packet.window)
+        last = int(np.searchsorted(time, end * (1 + 1e-9))) - 1
+        rows = np.unique(np.linspace(0, last, PROFILES).round().astype(int))
+        names = ["time_s", "position_m", "displacement_m", "exact_m"]
+        with HistoryWriter(folder / "profiles.csv", names) as file:
+            for n in rows:
+                profile = self.packet.signal(self.place, self.time_step, time[n : n + 1])[0]
+                for x, u, other in zip(self.place, seen[n], profile, strict=True):
+                    file.append([time[n], x, u, other])
+
+    # -- the numbers
+
+    def summary(self) -> dict[str, Any]:
+        """Speeds measured and exact; errors are relative, measured over exact less one."""
+        packet = self.packet
+        time = np.array(self.times)
+        keep = time <= packet.window * (1 + 1e-9)
+        time, seen = time[keep], np.array(self.seen)[keep][:, self.chosen]
+        place = self.place[self.chosen]
+        exact = packet.signal(place, self.time_step, time)
+        distance = float(place[1] - place[0])
+        formula, reference = packet.reference
+        measured_speed = distance / delay(time, seen)
+        exact_speed = distance / delay(time, exact)
+        rows = self.dispersion(time, seen, distance)
+        if not rows:
+            print("warning: no wavelength in the pulse that could be read", file=sys.stderr)
+        return {
+            "long_wave_formula": formula,
+            "long_wave_speed_m_s": reference,
+            "lattice_long_wave_speed_m_s": float(packet.frequencies[1] / packet.wave_numbers[1]),
+            "speed_cross_correlation_m_s": measured_speed,
+            "speed_cross_correlation_exact_m_s": exact_speed,
+            "speed_cross_correlation_error": measured_speed / exact_speed - 1,
+            "dispersion": rows,
+            "dispersion_largest_error": max((abs(r["error"]) for r in rows), default=None),
+            "waveform_error": float(np.abs(seen - exact).max() / np.abs(exact).max()),
+            "probes_m": place.tolist(),
+            "window_s": packet.window,
+            "side_arrival_s": packet.side_arrival,
+        }
+
+    def dispersion(self, time: Array, seen: Array, distance: float) -> list[dict[str, float]]:
+        """Phase speed between the probes for each wavelength of the pulse, beside the exact one."""
+        from scipy.interpolate import CubicSpline
+
+        packet, spacing = self.packet, self.packet.scene.plate.spacing
+        omega = waves.discrete_frequency(packet.frequencies, self.time_step)
+        rising = int(np.argmax(np.diff(omega) <= 0)) or len(omega)
+        relation = CubicSpline(packet.wave_numbers[:rising], omega[:rising])
+        rows = []
+        for modules in WAVELENGTHS:
+            k = 2 * math.pi / (modules * spacing)
+            weak = math.exp(-0.5 * (k * packet.deviation) ** 2) < WEAKEST
+            longest = modules * spacing > 5 * packet.pulse.wavelength
+            if weak or longest or k > packet.wave_numbers[rising - 1]:
+                continue
+            turn = phase_difference(time, seen, float(relation(k)), k * distance)
+            measured, exact = float(relation(k)) * distance / turn, float(relation(k)) / k
+            rows.append(
+                {
+                    "wavelength_modules": float(modules),
+                    "wavelength_m": modules * spacing,
+                    "measured_m_s": measured,
+                    "exact_m_s": exact,
+                    "error": measured / exact - 1,
+                }
+            )
+        return rows
+
+
+def delay(time: Array, signals: Array) -> float:
+    """Time by which the second of two signals (times, 2) lags the first, s: cross-correlation.
+
+    Its maximum on the samples is refined by the parabola through three of them.
+    """
+    score = np.correlate(signals[:, 1], signals[:, 0], "full")
+    best = int(np.clip(score.argmax(), 1, len(score) - 2))
+    before, at, after = score[best - 1 : best + 2]
+    shift = best - (len(time) - 1) + 0.5 * (before - after) / (before - 2 * at + after)
+    return float(shift * (time[1] - time[0]))
+
+
+def phase_difference(time: Array, signals: Array, omega: float, near: float) -> float:
+    """Phase by which the second of two signals (times, 2) lags the first at a frequency.
+
+    Args:
+        omega: 1/s.
+        near: the multiple of 2 pi is taken that brings the phase nearest to this.
+    """
+    first, second = signals.T @ np.exp(1j * omega * time)
+    phase = float(np.angle(second / first))
+    return phase + 2 * math.pi * round((near - phase) / (2 * math.pi))
