@@ -213,21 +213,33 @@ class Waveguide:
             total -= term + term.conj().T
         return total
 
-    def longitudinal(self, k: float) -> tuple[float, npt.NDArray[np.complex128]]:
-        """Frequency (1/s) and shape (n, 3) of the mode most like a uniform axial motion.
+    @cached_property
+    def corner_shares(self) -> Array:
+        """(n,) weights of a section's mean over its corner nodes, by mass."""
+        corner = np.arange(len(self.mass)) < np.count_nonzero(self.nodes[0])
+        return np.asarray(self.mass * corner / self.mass[corner].sum())
 
-        The shape multiplies exp(i (k x - omega t)) at every node's own x; the mass-weighted mean of
-        its axial part over the corner nodes is one. At long waves this is the fundamental
-        longitudinal mode.
+    def longitudinal(self, k: npt.ArrayLike) -> tuple[Array, npt.NDArray[np.complex128]]:
+        """The fundamental longitudinal mode at rising wave numbers (m,), from long waves on.
+
+        Frequencies (m,), 1/s, and shapes (m, n, 3) that multiply exp(i (k x - omega t)) at every
+        node's own x, of unit mean square by mass. The first is the mode most like a uniform axial
+        motion, every other the one most like that before it, so the branch is followed through
+        crossings where the steps in k are small; phases follow in the same way.
         """
-        squares, vectors = np.linalg.eigh(self.matrix(k))
-        root = np.sqrt(self.mass)
-        moved = vectors.reshape(len(root), 3, -1)
-        best = np.abs(root @ moved[:, self.axis]).argmax()
-        shape = moved[:, :, best] / root[:, None]
-        corner = np.arange(len(root)) < np.count_nonzero(self.nodes[0])
-        share = self.mass * corner / self.mass[corner].sum()
-        return float(np.sqrt(max(squares[best], 0.0))), shape / (share @ shape[:, self.axis])
+        root = np.sqrt(self.mass / self.mass.sum())
+        before = np.zeros((len(root), 3), dtype=complex)
+        before[:, self.axis] = root
+        before = before.ravel()
+        frequencies, shapes = [], []
+        for one in np.atleast_1d(np.asarray(k, dtype=float)):
+            squares, vectors = np.linalg.eigh(self.matrix(float(one)))
+            likeness = before.conj() @ vectors
+            best = int(np.abs(likeness).argmax())
+            before = vectors[:, best] * (abs(likeness[best]) / likeness[best])
+            frequencies.append(np.sqrt(max(squares[best], 0.0)))
+            shapes.append(before.reshape(-1, 3) / root[:, None])
+        return np.array(frequencies), np.array(shapes)
 
 
 def waveguide(

@@ -299,7 +299,7 @@ def _pictures(console: Console, folder: RunFolder, scene: Scene, code: int) -> N
     from taichi_ldem.plots import plot_run
 
     figures = plot_run(folder)
-    if code != INTERRUPTED:
+    if code != INTERRUPTED and scene.pulse is None:  # a pulse is too small to be seen
         from taichi_ldem.render import render_run
 
         figures += render_run(folder, None)

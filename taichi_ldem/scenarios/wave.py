@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from taichi_ldem import waves
-from taichi_ldem.lattice import Lattice, node_masses, prism
+from taichi_ldem.lattice import Lattice, prism
 from taichi_ldem.material import elastic_constants
 from taichi_ldem.scenarios import runner
 from taichi_ldem.scene import Pulse, Scene, SceneError
@@ -132,12 +132,17 @@ class Packet:
             omega, _ = self.medium.branch(k[1:, None] * direction, np.eye(3)[self.moved])
             shape = np.broadcast_to(np.eye(3)[self.moved], (len(k), 1, 3))
             return np.concatenate([[0.0], omega]), shape.astype(complex)
-        modes = [self.guide.longitudinal(float(one)) for one in k[1:]]
-        still = np.broadcast_to(direction, modes[0][1].shape)
-        return (
-            np.array([0.0, *(omega for omega, _ in modes)]),
-            np.array([still, *(shape for _, shape in modes)]),
-        )
+        omega, shape = self.guide.longitudinal(k[1:])
+        still = np.broadcast_to(direction, (1, *shape.shape[1:]))
+        return np.concatenate([[0.0], omega]), np.concatenate([still, shape])
+
+    @cached_property
+    def _seen(self) -> Complex:
+        """(M,) amplitudes as the probes see them, m."""
+        if self.pulse.kind != "bar":
+            return self.amplitudes
+        mean = self._modes[1][..., self.moved] @ self.guide.corner_shares
+        return np.asarray(self.amplitudes * mean)
 
     @property
     def frequencies(self) -> Array:
@@ -145,18 +150,17 @@ class Packet:
         return self._modes[0]
 
     def _phases(self, place: Array, time_step: float, time: Array) -> Complex:
-        """(M, times, places) a exp(i (k x - omega t)) at the frequencies of central differences."""
+        """(M, times, places) exp(i (k x - omega t)) at the frequencies of central differences."""
         omega = waves.discrete_frequency(self.frequencies, time_step)
         turn = self.wave_numbers[:, None, None] * place - omega[:, None, None] * time[:, None]
-        return np.asarray(self.amplitudes[:, None, None] * np.exp(1j * turn))
+        return np.asarray(np.exp(1j * turn))
 
     def signal(self, place: Array, time_step: float, time: Array) -> Array:
         """(times, places) exact displacement that the probes see, m."""
-        total = self._phases(place, time_step, time).sum(axis=0).real
+        waves_there = self._phases(place, time_step, time)
         if self.pulse.kind != "bar":
-            mirror = 2 * self.ends[1] - place
-            total = total + self._phases(mirror, time_step, time).sum(axis=0).real
-        return np.asarray(total)
+            waves_there += self._phases(2 * self.ends[1] - place, time_step, time)
+        return np.asarray(np.einsum("m,mtx->tx", self._seen, waves_there).real)
 
     def state(self, lattice: Lattice, time_step: float) -> tuple[Array, Array]:
         """Displacement (m) and velocity (m/s) at t = 0, (2, *S, 3), corner then centre.
@@ -181,6 +185,7 @@ class Packet:
     ) -> None:
         """Put one sublattice's values at t = 0 into its view (A, B, N, 3)."""
         start = np.zeros(1)
+        factor = factor * self.amplitudes
         wave = factor[:, None] * self._phases(x, time_step, start)[:, 0]
         if self.pulse.kind != "bar":
             mirror = self._phases(2 * self.ends[1] - x, time_step, start)[:, 0]
@@ -283,12 +288,12 @@ class Probes:
         self.time_step = simulation.time_step
         simulation.start_from(*self.packet.state(lattice, self.time_step))
         middle = np.take(lattice.code, 3, axis=2 - self.packet.axis)
+        self.weights = np.zeros(middle.shape)
         if self.packet.pulse.kind == "bar":
-            self.weights = node_masses()[middle][..., 0]
+            corners = self.packet.guide.nodes[0]
+            self.weights[corners] = self.packet.guide.corner_shares[: np.count_nonzero(corners)]
         else:
-            self.weights = np.zeros(middle.shape)
             self.weights[tuple((n - 1) // 2 for n in middle.shape)] = 1.0
-        self.weights = self.weights / self.weights.sum()
 
     def take(self, simulation: "Simulation", sample: "Sample") -> None:
         """Read one sample."""
@@ -360,8 +365,11 @@ class Probes:
         for modules in WAVELENGTHS:
             k = 2 * math.pi / (modules * spacing)
             weak = math.exp(-0.5 * (k * packet.deviation) ** 2) < WEAKEST
-            longest = modules * spacing > 5 * packet.pulse.wavelength
-            if weak or longest or k > packet.wave_numbers[rising - 1]:
+            long = modules * spacing > 5 * packet.pulse.wavelength
+            if weak or long or k > packet.wave_numbers[rising - 1]:
+                continue
+            way = packet.pulse.probes[1] - packet.pulse.position + 2 * packet.deviation
+            if way > float(relation(k, 1)) * packet.window:  # has not passed yet
                 continue
             turn = phase_difference(time, seen, float(relation(k)), k * distance)
             measured, exact = float(relation(k)) * distance / turn, float(relation(k)) / k
