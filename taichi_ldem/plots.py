@@ -116,6 +116,19 @@ def _has_cracks(run: _Run) -> bool:
     return run.scene.material.damage and run.folder.fields_file.is_file()
 
 
+def _has_pulse(run: _Run) -> bool:
+    return run.scene.pulse is not None and "dispersion" in run.summary
+
+
+def _of_pulse(name: str) -> _Draw:
+    def draw(figure: Figure, run: _Run) -> None:
+        from taichi_ldem import plots_wave
+
+        getattr(plots_wave, f"draw_{name}")(figure, run.folder.path, run.scene, run.summary)
+
+    return draw
+
+
 def _draw_force(figure: Figure, run: _Run) -> None:
     axes = figure.add_subplot(xlabel="time [ms]", ylabel="force [N]")
     time, force = run.history["time_s"], run.history["striker_force_n"]
@@ -377,4 +390,7 @@ _FIGURES: tuple[tuple[str, tuple[float, float], _Needs, _Draw], ...] = (
     ("energy", (9.0, 7.0), _has("energy_error"), _draw_energy),
     ("stress_strain", (9.0, 6.4), _has_section, _draw_stress_strain),
     ("crack_map", (9.0, 7.8), _has_cracks, _draw_crack_map),
+    ("pulse", (9.0, 9.0), _has_pulse, _of_pulse("pulse")),
+    ("dispersion", (9.0, 7.0), _has_pulse, _of_pulse("dispersion")),
+    ("anisotropy", (12.0, 9.0), _has_pulse, _of_pulse("anisotropy")),
 )

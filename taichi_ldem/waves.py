@@ -60,7 +60,7 @@ class Bulk:
         return np.asarray(np.einsum("...b,bi,bj->...ij", swing, _UNITS, _UNITS))
 
     def waves(self, k: npt.ArrayLike) -> tuple[Array, Array]:
-        """Angular frequencies (..., 3), ascending, 1/s, and polarisations (..., 3, 3) in columns."""
+        """Angular frequencies (..., 3), ascending, 1/s; polarisations (..., 3, 3), columns."""
         squares, shapes = np.linalg.eigh(self.matrix(k))
         return np.sqrt(np.maximum(squares, 0.0)), shapes
 
@@ -70,7 +70,8 @@ class Bulk:
 
     def phase_velocities(self, k: npt.ArrayLike) -> Array:
         """omega / |k|, (..., 3), m/s."""
-        return self.frequencies(k) / np.linalg.norm(np.asarray(k), axis=-1)[..., None]
+        length = np.linalg.norm(np.asarray(k), axis=-1)
+        return np.asarray(self.frequencies(k) / length[..., None])
 
     def group_velocities(self, k: npt.ArrayLike) -> Array:
         """d omega / d k, (..., 3, 3): branch, then component, m/s.
@@ -186,7 +187,7 @@ class Waveguide:
         number[self.nodes] = np.arange(n)
         weights = bar_weights(self.lattice.surface_weights)[self.code]
         across = [a for a in (2, 1, 0) if a != self.axis]  # arrays are in the order z, y, x
-        own = np.zeros((n, 3, n, 3))
+        own = np.zeros((n, n, 3, 3))
         coupling: dict[float, Array] = {}
         for bar, vector in enumerate(BAR_VECTORS):
             first, second = (0, 0) if bar < 3 else (1, 1) if bar < 6 else (1, 0)
@@ -196,13 +197,18 @@ class Waveguide:
             j = number[second, a + step[across[0]], b + step[across[1]]]
             pull = self.stiffness[0 if bar < 6 else 1] * np.outer(_UNITS[bar], _UNITS[bar])
             part = weights[a, b, bar][:, None, None] * pull
-            for node in (i, j):
-                np.add.at(own, (node, slice(None), node), part / self.mass[node, None, None])
-            block = coupling.setdefault(float(vector[self.axis]), np.zeros((n, 3, n, 3)))
-            root = np.sqrt(self.mass[i] * self.mass[j])[:, None, None]
-            np.add.at(block, (i, slice(None), j), part / root)
-        flat = (3 * n, 3 * n)
-        return own.reshape(flat), {key: block.reshape(flat) for key, block in coupling.items()}
+            for node in (
+                i,
+                j,
+            ):  # a node is first end of one bar of a kind at most, and second of one
+                own[node, node] += part / self.mass[node, None, None]
+            block = coupling.setdefault(float(vector[self.axis]), np.zeros((n, n, 3, 3)))
+            block[i, j] += part / np.sqrt(self.mass[i] * self.mass[j])[:, None, None]
+
+        def flat(block: Array) -> Array:
+            return block.transpose(0, 2, 1, 3).reshape(3 * n, 3 * n)
+
+        return flat(own), {key: flat(block) for key, block in coupling.items()}
 
     def matrix(self, k: float) -> npt.NDArray[np.complex128]:
         """(3n, 3n) Hermitian dynamical matrix at a wave number along the bar (1/m), 1/s2."""
@@ -230,15 +236,16 @@ class Waveguide:
         root = np.sqrt(self.mass / self.mass.sum())
         before = np.zeros((len(root), 3), dtype=complex)
         before[:, self.axis] = root
-        before = before.ravel()
-        frequencies, shapes = [], []
+        frequencies: list[float] = []
+        shapes: list[npt.NDArray[np.complex128]] = []
+        last = before.ravel()
         for one in np.atleast_1d(np.asarray(k, dtype=float)):
             squares, vectors = np.linalg.eigh(self.matrix(float(one)))
-            likeness = before.conj() @ vectors
+            likeness = last.conj() @ vectors
             best = int(np.abs(likeness).argmax())
-            before = vectors[:, best] * (abs(likeness[best]) / likeness[best])
-            frequencies.append(np.sqrt(max(squares[best], 0.0)))
-            shapes.append(before.reshape(-1, 3) / root[:, None])
+            last = vectors[:, best] * (abs(likeness[best]) / likeness[best])
+            frequencies.append(float(np.sqrt(max(squares[best], 0.0))))
+            shapes.append(last.reshape(-1, 3) / root[:, None])
         return np.array(frequencies), np.array(shapes)
 
 

@@ -97,7 +97,7 @@ class Packet:
         """(M,) of a period of twice the specimen's length, up to five over the deviation, 1/m."""
         base = math.pi / (self.ends[1] - self.ends[0])
         largest = min(5 / self.deviation, 2 * math.pi / self.scene.plate.spacing)
-        return base * np.arange(int(largest / base) + 1)
+        return np.asarray(base * np.arange(int(largest / base) + 1), dtype=np.float64)
 
     @cached_property
     def amplitudes(self) -> Complex:
@@ -235,6 +235,15 @@ class Packet:
         echo = (way - TAIL * self.deviation) / self.reference[1]
         return min(self.scene.solver.duration, echo, self.side_arrival or math.inf)
 
+    @property
+    def followed(self) -> float:
+        """Time until which the whole axis is known: with the echo for plane waves, without else."""
+        end = self.scene.solver.duration
+        if self.side_arrival is not None:
+            return min(end, self.side_arrival)
+        way = self.ends[1] - self.pulse.position - TAIL * self.deviation
+        return min(end, way / self.reference[1])
+
     def check(self) -> None:
         """Refuse a scene in which the pulse does not pass both probes undisturbed.
 
@@ -276,7 +285,8 @@ class Probes:
     def __init__(self, packet: Packet):
         self.packet = packet
         plate, low = packet.scene.plate, packet.ends[0]
-        self.place = low + plate.spacing * np.arange(plate.modules[packet.axis] + 1)
+        planes = np.arange(plate.modules[packet.axis] + 1, dtype=np.float64)
+        self.place = low + plate.spacing * planes
         self.chosen = [int(np.abs(self.place - x).argmin()) for x in packet.pulse.probes]
         self.times: list[float] = []
         self.seen: list[Array] = []
@@ -310,9 +320,7 @@ class Probes:
         with HistoryWriter(folder / "probes.csv", ["time_s", *names]) as file:
             for row in zip(time, *seen[:, self.chosen].T, *exact.T, strict=True):
                 file.append(row)
-        # plane waves are followed beyond the first echo, a bar only up to it
-        end = min(time[-1], self.packet.side_arrival or self.packet.window)
-        last = int(np.searchsorted(time, end * (1 + 1e-9))) - 1
+        last = int(np.searchsorted(time, self.packet.followed * (1 + 1e-9))) - 1
         rows = np.unique(np.linspace(0, last, PROFILES).round().astype(int))
         names = ["time_s", "position_m", "displacement_m", "exact_m"]
         with HistoryWriter(folder / "profiles.csv", names) as file:
