@@ -28,7 +28,7 @@ Series = NDArray[np.float64]
 
 _MS = 1e3
 _MM = 1e3
-_STYLE: dict[Any, Any] = {
+STYLE: dict[Any, Any] = {
     "font.size": 13,
     "lines.linewidth": 1.8,
     "axes.grid": True,
@@ -95,7 +95,7 @@ def plot_run(folder: RunFolder) -> list[Path]:
     for name, size, needs, draw in _FIGURES:
         if not needs(run):
             continue
-        with rc_context(_STYLE):
+        with rc_context(STYLE):
             figure = Figure(figsize=size, dpi=150, layout="constrained")
             FigureCanvasAgg(figure)
             draw(figure, run)

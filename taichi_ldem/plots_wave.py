@@ -116,6 +116,40 @@ def _rayleigh_love(axes: "Axes", scene: Scene, k: Array, modules: Array, speed: 
     axes.plot(modules, love, "k:", lw=1.3, label="continuum, Rayleigh-Love rod")
 
 
+def draw_directions(
+    figure: "Figure", scene: Scene, rows: Rows, directions: Mapping[str, Any]
+) -> None:
+    """Phase speed over wavelength along some directions: exact, and measured points below too."""
+    upper, lower = _two_panels(figure)
+    medium = waves.bulk(scene.material, scene.plate.spacing, scene.plate.stiffness)
+    modules = np.geomspace(200, 3.5, 120)
+    k = 2 * np.pi / (modules * scene.plate.spacing)
+    rows = list(rows)
+    for number, (name, vector) in enumerate(directions.items()):
+        unit = np.array(vector) / np.linalg.norm(vector)
+        color, mark = f"C{number}", "osD^"[number]
+        for branch in medium.phase_velocities(k[:, None] * unit).T:
+            upper.plot(modules, branch, color=color, lw=1.3)
+        mine = [r for r in rows if r["direction"] == name]
+        at = [r["wavelength_modules"] for r in mine]
+        run = [r["measured_continuous_m_s"] for r in mine]
+        upper.plot(at, run, mark, color=color, mfc="none", ms=7, label=f"{name}, run")
+        lower.plot(at, [100 * r["error"] for r in mine], mark, color=color, mfc="none", ms=6)
+    upper.plot([], [], color="0.4", lw=1.3, label="exact relation")
+    speeds = isotropic_speeds(scene.material)
+    for speed, name in zip(speeds, ("P", "S"), strict=True):
+        upper.axhline(speed, color="0.5", ls="--", lw=1)
+        upper.annotate(
+            f"{name}, continuum: {speed:.0f} m/s",
+            (200, speed),
+            (0, 5),
+            ha="right",
+            textcoords="offset points",
+            fontsize=11,
+        )
+    figure.legend(loc="outside lower center", ncols=5, fontsize=12)
+
+
 def speeds_over_angle(
     material: Material, spacing: float, angle: Array, modules: float, variant: str = "equation-2"
 ) -> dict[str, Array]:
