@@ -37,6 +37,8 @@ TAIL = 4.5
 """Deviations of the Gaussian after which the pulse counts as gone."""
 WEAKEST = 0.05
 """Amplitude over the spectrum's largest below which a wavelength is not read."""
+LEFT = 0.03
+"""Share of the second probe's largest displacement that may be left when reading ends."""
 PROFILES = 5
 
 
@@ -343,9 +345,14 @@ class Probes:
         formula, reference = packet.reference
         measured_speed = distance / delay(time, seen)
         exact_speed = distance / delay(time, exact)
-        rows = self.dispersion(time, seen, distance)
-        if not rows:
-            print("warning: no wavelength in the pulse that could be read", file=sys.stderr)
+        rows = self.dispersion(time, seen, exact, distance)
+        left = float(np.abs(exact[-1, 1]) / np.abs(exact[:, 1]).max())
+        if not rows or left > LEFT:
+            print(
+                f"warning: {100 * left:.1f} % of the pulse's height is still at the second probe "
+                "when reading must end: phase speeds are blurred",
+                file=sys.stderr,
+            )
         return {
             "long_wave_formula": formula,
             "long_wave_speed_m_s": reference,
@@ -356,13 +363,20 @@ class Probes:
             "dispersion": rows,
             "dispersion_largest_error": max((abs(r["error"]) for r in rows), default=None),
             "waveform_error": float(np.abs(seen - exact).max() / np.abs(exact).max()),
+            "left_at_second_probe": left,
             "probes_m": place.tolist(),
             "window_s": packet.window,
             "side_arrival_s": packet.side_arrival,
         }
 
-    def dispersion(self, time: Array, seen: Array, distance: float) -> list[dict[str, float]]:
-        """Phase speed between the probes for each wavelength of the pulse, beside the exact one."""
+    def dispersion(
+        self, time: Array, seen: Array, exact: Array, distance: float
+    ) -> list[dict[str, float]]:
+        """Phase speed between the probes for each wavelength of the pulse, beside the exact one.
+
+        ``reading_error`` is what the same reading makes of the exact signals: the part of ``error``
+        that comes from the finite time between pulse and echo.
+        """
         from scipy.interpolate import CubicSpline
 
         packet, spacing = self.packet, self.packet.scene.plate.spacing
@@ -379,15 +393,20 @@ class Probes:
             way = packet.pulse.probes[1] - packet.pulse.position + 2 * packet.deviation
             if way > float(relation(k, 1)) * packet.window:  # has not passed yet
                 continue
-            turn = phase_difference(time, seen, float(relation(k)), k * distance)
-            measured, exact = float(relation(k)) * distance / turn, float(relation(k)) / k
+            turns = [
+                phase_difference(time, signals, float(relation(k)), k * distance)
+                for signals in (seen, exact)
+            ]
+            speed = float(relation(k)) / k
+            measured, read = (speed * k * distance / turn for turn in turns)
             rows.append(
                 {
                     "wavelength_modules": float(modules),
                     "wavelength_m": modules * spacing,
                     "measured_m_s": measured,
-                    "exact_m_s": exact,
-                    "error": measured / exact - 1,
+                    "exact_m_s": speed,
+                    "error": measured / speed - 1,
+                    "reading_error": read / speed - 1,
                 }
             )
         return rows
