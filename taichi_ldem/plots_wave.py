@@ -78,18 +78,12 @@ def draw_dispersion(figure: "Figure", _: Path, scene: Scene, summary: Mapping[st
 
 
 def _two_panels(figure: "Figure") -> tuple["Axes", "Axes"]:
-    from matplotlib.ticker import NullLocator, ScalarFormatter
-
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     upper.set_ylabel("phase speed [m/s]")
-    lower.set(
-        ylabel="error [%]", xlabel="wavelength [module edges]", xscale="log", ylim=(-0.6, 0.6)
-    )
+    lower.set(ylabel="error [%]", ylim=(-0.6, 0.6))
     lower.axhspan(-0.5, 0.5, color="C2", alpha=0.12, lw=0)
     lower.set_title("run over exact relation, less one; band: the target of 0.5 %", fontsize=12)
-    lower.xaxis.set_major_formatter(ScalarFormatter())
-    lower.set_xticks([4, 6, 8, 10, 15, 20, 30, 40, 60, 100, 200])
-    lower.xaxis.set_minor_locator(NullLocator())
+    _wavelength_axis(lower)
     return upper, lower
 
 
@@ -119,35 +113,46 @@ def _rayleigh_love(axes: "Axes", scene: Scene, k: Array, modules: Array, speed: 
 def draw_directions(
     figure: "Figure", scene: Scene, rows: Rows, directions: Mapping[str, Any]
 ) -> None:
-    """Phase speed over wavelength along some directions: exact, and measured points below too."""
-    upper, lower = _two_panels(figure)
+    """Phase speed over wavelength along some directions, exact and measured; P, S, and errors."""
+    panels = figure.subplots(3, 1, sharex=True, height_ratios=(3, 3, 2))
     medium = waves.bulk(scene.material, scene.plate.spacing, scene.plate.stiffness)
-    modules = np.geomspace(200, 3.5, 120)
+    modules = np.geomspace(60, 3.7, 120)
     k = 2 * np.pi / (modules * scene.plate.spacing)
     rows = list(rows)
     for number, (name, vector) in enumerate(directions.items()):
+        style = {"color": f"C{number}", "mfc": "none", "ms": 7}
+        mark = "osD^"[number]
         unit = np.array(vector) / np.linalg.norm(vector)
-        color, mark = f"C{number}", "osD^"[number]
         for branch in medium.phase_velocities(k[:, None] * unit).T:
-            upper.plot(modules, branch, color=color, lw=1.3)
-        mine = [r for r in rows if r["direction"] == name]
-        at = [r["wavelength_modules"] for r in mine]
-        run = [r["measured_continuous_m_s"] for r in mine]
-        upper.plot(at, run, mark, color=color, mfc="none", ms=7, label=f"{name}, run")
-        lower.plot(at, [100 * r["error"] for r in mine], mark, color=color, mfc="none", ms=6)
-    upper.plot([], [], color="0.4", lw=1.3, label="exact relation")
-    speeds = isotropic_speeds(scene.material)
-    for speed, name in zip(speeds, ("P", "S"), strict=True):
-        upper.axhline(speed, color="0.5", ls="--", lw=1)
-        upper.annotate(
-            f"{name}, continuum: {speed:.0f} m/s",
-            (200, speed),
-            (0, 5),
-            ha="right",
-            textcoords="offset points",
-            fontsize=11,
-        )
+            panel = panels[0] if branch[0] > 1.3 * medium.fastest / np.sqrt(3) else panels[1]
+            panel.plot(modules, branch, color=style["color"], lw=1.3)
+        for row in (r for r in rows if r["direction"] == name):
+            at = row["wavelength_modules"]
+            panel = panels[0] if row["polarisation"] == "P" else panels[1]
+            panel.plot(at, row["measured_continuous_m_s"], mark, **style)
+            panels[2].plot(at, 100 * abs(row["error"]), mark, **style)
+        panels[0].plot([], [], mark, **style, label=f"{name}, run")
+    panels[0].plot([], [], color="0.4", lw=1.3, label="exact relation")
+    for panel, speed, name in zip(panels, isotropic_speeds(scene.material), "PS", strict=False):
+        panel.axhline(speed, color="0.5", ls="--", lw=1)
+        panel.set_title(f"{name} waves; dashed: continuum, {speed:.0f} m/s", fontsize=12)
+        panel.set_ylabel("phase speed [m/s]")
+    panels[2].axhline(0.5, color="C2", lw=1.5)
+    panels[2].set_title(
+        "difference of run and exact relation; line: the target, 0.5 %", fontsize=12
+    )
+    panels[2].set(ylabel="|error| [%]", yscale="log", ylim=(1e-6, 1.5))
+    _wavelength_axis(panels[2])
     figure.legend(loc="outside lower center", ncols=5, fontsize=12)
+
+
+def _wavelength_axis(axes: "Axes") -> None:
+    from matplotlib.ticker import NullLocator, ScalarFormatter
+
+    axes.set(xlabel="wavelength [module edges]", xscale="log")
+    axes.xaxis.set_major_formatter(ScalarFormatter())
+    axes.set_xticks([4, 5, 6, 8, 10, 12, 15, 20, 30, 40, 60, 100, 200])
+    axes.xaxis.set_minor_locator(NullLocator())
 
 
 def speeds_over_angle(
@@ -176,10 +181,9 @@ def draw_anisotropy(
     """Wave speeds in the (001) plane over the isotropic solid's, for three Poisson's ratios.
 
     Args:
-        points: measured, with poisson_ratio, angle_deg, polarisation, wavelength_modules,
-            over_isotropic.
+        points: measured (rows of ``studies.wave_speeds``); long waves are those of 40 modules.
     """
-    points = list(points)
+    points = [p for p in points if "degrees" in p["direction"]]
     angle = np.radians(np.linspace(0, 90, 91))
     panels = figure.subplots(len(POLARISATIONS), 3, sharex=True, sharey="row")
     for column, nu in zip(panels.T, POISSON_RATIOS, strict=True):
@@ -200,7 +204,7 @@ def draw_anisotropy(
                     and min(p["wavelength_modules"], 40) == min(modules, 40)
                 ]
                 mark = {_LONG: "o", 8: "s", 4: "D"}[modules]
-                _mark(axes, mine, mark, label)
+                _mark(axes, mine, mark, f"run, wavelength {min(modules, 40)} L")
         column[0].set_title(f"nu = {nu:.2f}", fontsize=13)
         column[-1].set_xlabel("angle to [100] [degrees]")
         column[-1].set_xticks([0, 15, 30, 45, 60, 75, 90])
@@ -215,7 +219,7 @@ def _mark(axes: "Axes", points: list[Mapping[str, Any]], mark: str, label: str) 
     if points:
         at = [p["angle_deg"] for p in points]
         value = [p["over_isotropic"] for p in points]
-        axes.plot(at, value, mark, color=_RUN, ms=6, mfc="none", label=f"run, {label}")
+        axes.plot(at, value, mark, color=_RUN, ms=6, mfc="none", label=label)
 
 
 def isotropic_speeds(material: Material) -> tuple[float, float]:

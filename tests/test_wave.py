@@ -28,9 +28,9 @@ SHEAR = [  # a block 24 x 40 x 40 modules, along another axis
     "pulse.axis=x",
     "pulse.kind=shear",
     "pulse.wavelength=0.0024",
-    "pulse.position=-0.0028",
-    "pulse.probes=[-0.0016, 0.0]",
-    "solver.duration=4.3e-6",
+    "pulse.position=-0.003",
+    "pulse.probes=[-0.0016, -0.0004]",
+    "solver.duration=4.2e-6",
     "output.history_interval=4e-8",
 ]
 
@@ -95,6 +95,7 @@ def test_a_shear_pulse_through_a_plate_is_the_exact_one(tmp_path: Path) -> None:
         ("pulse.amplitude=0.1", r"pulse\.amplitude = 0\.1: must be at most 0\.01"),
         ("pulse.probes=[0.016, -0.032]", r"pulse\.probes = .*must rise between -0\.064 and 0\.064"),
         ("pulse.position=-0.06", r"pulse\.position = -0\.06: must be at least -0\.056"),
+        ("pulse.probes=[-0.045, 0.016]", r"pulse\.probes = .*the first must be at -0\.044"),
         ("solver.duration=3e-5", r"solver\.duration = 3e-05: .*the run ends"),
         ("pulse.probes=[-0.032, 0.062]", r"pulse\.probes = .*its echo"),
         ("pulse.kind=longitudinal", r"plate\.size = .*take a wider plate"),

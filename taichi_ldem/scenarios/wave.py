@@ -35,6 +35,8 @@ WAVELENGTHS = (80, 60, 40, 30, 24, 20, 16, 12, 10, 8, 7, 6, 5, 4)
 """In module edges: where the dispersion is read, as far as the pulse has them."""
 TAIL = 4.5
 """Deviations of the Gaussian after which the pulse counts as gone."""
+HEAD = 3.5
+"""Deviations of the Gaussian, 0.2 % of its height, from its middle to the first probe."""
 WEAKEST = 0.05
 """Amplitude over the spectrum's largest below which a wavelength is not read."""
 LEFT = 0.03
@@ -258,6 +260,12 @@ class Packet:
             raise SceneError(
                 f"pulse.position = {self.pulse.position}: must be at least {least:.4g} m, so that "
                 "the whole pulse starts inside the specimen"
+            )
+        near = self.pulse.position + HEAD * self.deviation
+        if self.pulse.probes[0] < near:
+            raise SceneError(
+                f"pulse.probes = {list(self.pulse.probes)}: the first must be at {near:.4g} m at "
+                "least, where the pulse is not felt at t = 0"
             )
         if self.window >= self.passed:
             return

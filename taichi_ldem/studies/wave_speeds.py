@@ -143,10 +143,10 @@ def measure(simulation: "Simulation", medium: waves.Bulk, wave: Wave) -> Speed:
     return Speed(float(slope) / number, discrete / number, float(omega) / number, step, number)
 
 
-def study(modules: int) -> list[dict[str, Any]]:
+def study(modules: int, threads: int | None = None) -> list[dict[str, Any]]:
     """All waves in a cube, a row each."""
     scene = cube(modules)
-    backend.start(Solver(duration=1.0))
+    backend.start(Solver(duration=1.0, threads=threads))
     from taichi_ldem.material import bar_families
     from taichi_ldem.simulation import Simulation
     from taichi_ldem.stability import critical_time_step
@@ -219,10 +219,11 @@ def main() -> None:
     """Measure, then write table and figures."""
     parser = ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--modules", type=int, default=40, help="a side of the cube, even")
+    parser.add_argument("--modules", type=int, default=32, help="a side of the cube, even")
+    parser.add_argument("--threads", type=int)
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
-    rows = study(options.modules)
+    rows = study(options.modules, options.threads)
     header = ",".join(rows[0])
     lines = [",".join(str(value) for value in row.values()) for row in rows]
     (options.folder / "wave_speeds.csv").write_text("\n".join([header, *lines]) + "\n")
