@@ -31,9 +31,10 @@ def draw_pulse(figure: "Figure", folder: Path, scene: Scene, summary: Mapping[st
     table = np.genfromtxt(folder / "profiles.csv", delimiter=",", names=True)
     packet = Packet(scene)
     times = np.unique(table["time_s"])
-    scale = np.abs(table["exact_m"]).max()
     fine = np.linspace(*packet.ends, 401)
-    exact = packet.signal(fine, summary["time_step_s"], times) / scale
+    exact = packet.signal(fine, summary["time_step_s"], times)
+    scale = np.abs(exact[0]).max()
+    exact /= scale
     panels = np.atleast_1d(figure.subplots(len(times), 1, sharex=True, sharey=True))
     for axes, at, line in zip(panels, times, exact, strict=True):
         rows = table[table["time_s"] == at]
@@ -48,7 +49,7 @@ def draw_pulse(figure: "Figure", folder: Path, scene: Scene, summary: Mapping[st
     panels[0].plot([], [], ".", color=_RUN, ms=5, label="run, planes of corner nodes")
     panels[0].plot([], [], color="0.5", lw=0.9, ls=":", label="probes")
     figure.suptitle(f"{packet.pulse.kind} pulse along {packet.pulse.axis}", fontsize=13)
-    figure.supylabel("displacement over its first maximum [-]", fontsize=13)
+    figure.supylabel("displacement over its maximum at t = 0 [-]", fontsize=13)
     panels[-1].set_xlabel(f"{packet.pulse.axis} [mm]")
     panels[-1].set_xlim(1e3 * fine[0], 1e3 * fine[-1])
     figure.legend(loc="outside lower center", ncols=3, fontsize=12)
@@ -143,6 +144,7 @@ def draw_directions(
     )
     panels[2].set(ylabel="|error| [%]", yscale="log", ylim=(1e-6, 1.5))
     _wavelength_axis(panels[2])
+    panels[2].set_xlim(modules[-1], modules[0])
     figure.legend(loc="outside lower center", ncols=5, fontsize=12)
 
 

@@ -719,7 +719,8 @@ def _explain(fault: ErrorDetails, data: object) -> str:
         return _missing(location, data)
     value = fault["input"]
     if key == "scenario" and value in LATER_SCENARIOS:
-        return f'scenario = {_show(value)}: not available in this version, use "impact", "tension" or "wave"'
+        known = 'use "impact", "tension" or "wave"'
+        return f"scenario = {_show(value)}: not available in this version, {known}"
     return f"{key} = {_show(value)}: {_wish(fault, location)}"
 
 
