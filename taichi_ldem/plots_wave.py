@@ -142,7 +142,7 @@ def draw_directions(
     panels[2].set_title(
         "difference of run and exact relation; line: the target, 0.5 %", fontsize=12
     )
-    panels[2].set(ylabel="|error| [%]", yscale="log", ylim=(1e-6, 1.5))
+    panels[2].set(ylabel="|error| [%]", yscale="log", ylim=(1e-10, 10))
     _wavelength_axis(panels[2])
     panels[2].set_xlim(modules[-1], modules[0])
     figure.legend(loc="outside lower center", ncols=5, fontsize=12)

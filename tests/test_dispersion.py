@@ -127,7 +127,7 @@ def test_plane_waves_of_the_kernels_keep_the_exact_relation(taichi: None) -> Non
     from taichi_ldem.simulation import Simulation
     from taichi_ldem.studies.wave_speeds import Wave, cube, measure
 
-    simulation = Simulation(cube(20))
+    simulation = Simulation(cube(24))
     medium = waves.bulk(_material(), simulation.spacing)
     for direction, vector, modules, polarisation in (
         ("[100]", (1.0, 0.0, 0.0), 20, "P"),
@@ -136,8 +136,8 @@ def test_plane_waves_of_the_kernels_keep_the_exact_relation(taichi: None) -> Non
         ("[210]", (2.0, 1.0, 0.0), 6, "S1"),
     ):
         speed = measure(simulation, medium, Wave(0.25, direction, vector, modules, polarisation))
-        assert speed.measured == pytest.approx(speed.exact, rel=5e-4)
-        assert speed.measured_continuous == pytest.approx(speed.exact_continuous, rel=5e-4)
+        assert speed.measured == pytest.approx(speed.exact, rel=1e-5)
+        assert speed.measured_continuous == pytest.approx(speed.exact_continuous, rel=1e-5)
         if modules == 4:  # the time step and the lattice are both seen: 0.5 % and 6.8 %
             assert speed.measured > 1.004 * speed.exact_continuous
             assert speed.measured < 0.95 * np.sqrt(1.2 * PMMA["youngs_modulus"] / RHO)

@@ -33,7 +33,7 @@ SPACING = 3.2e-3 / 6
 STRAIN = 1e-6
 PATCH = 3
 """Half the side of the cube that is read, in module edges."""
-MARGIN = 2
+MARGIN = 4
 """Module edges that the lattice's fastest precursor is given over the fastest wave."""
 WAVELENGTHS = (40, 20, 12, 8, 6, 5, 4)
 DIRECTIONS = {
@@ -184,17 +184,17 @@ def study(modules: int, threads: int | None = None) -> list[dict[str, Any]]:
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Largest errors, and speeds along four directions, as Markdown."""
+    """Speeds along four directions (errors in 1e-6), and the largest error of all, as Markdown."""
     lines = ["| direction | wave | " + " | ".join(f"{n} L" for n in WAVELENGTHS) + " |"]
     lines.append("|---" * (len(WAVELENGTHS) + 2) + "|")
     for name in DIRECTIONS:
         for polarisation in ("P", "S1", "S2"):
             mine = [r for r in rows if (r["direction"], r["polarisation"]) == (name, polarisation)]
             if mine:
-                cells = [f"{r['measured_m_s']:.1f} ({100 * r['error']:+.4f})" for r in mine]
+                cells = [f"{r['measured_m_s']:.1f} ({1e6 * r['error']:+.2f})" for r in mine]
                 lines.append(f"| {name} | {polarisation} | " + " | ".join(cells) + " |")
     worst = max(rows, key=lambda r: abs(r["error"]))
-    lines.append(f"\n{len(rows)} waves, largest error {100 * worst['error']:+.4f} %: {worst}")
+    lines.append(f"\n{len(rows)} waves, largest error {worst['error']:+.1e}: {worst}")
     return "\n".join(lines) + "\n"
 
 
