@@ -1,0 +1,603 @@
+"""Cracks that measure themselves: from broken bars to a map, its radial cracks and its ring.
+
+Reads arrays or a run folder and is never imported by the solver. Everything is in the reference
+configuration and in SI units; x, y are those of the plate. docs/cracks.md has the definitions, what
+they rest on, and where they end.
+
+- **Map**: a raster of the plate's plane, one pixel a column of modules. A column is cracked from
+  the time on at which bars lying in the plate's plane have failed on a third of its 2 n + 1
+  levels (n modules through the thickness), and cracked through from two thirds on. Such bars cross
+  every crack but one parallel to the plate, so delamination and damage of one face are not taken
+  for a crack.
+- **Radial crack**: a branch of the map's skeleton, from a tip to the crushed core around the
+  striker's axis, that is its own for at least half of its length.
+- **d_r**: the circle through the tips of the radial cracks at t2 (largest strain energy), just
+  before the circular crack (text below Fig. 14 of the paper).
+- **d_c**: the circle through those parts of the skeleton of what is cracked through at the end that
+  cracked after t2 and run around the axis. Both circles have free centres, as in Section 3.1.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_ldem.scene import Plate, Scene, load_scene
+from taichi_ldem.store import BrokenBars, RunFolder, read_broken_bars
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+IN_PLANE_BARS = (0, 1, 3, 4)
+"""Bars along x and y, of both sublattices (``store.BAR_NUMBERING``)."""
+
+DEPTH_SHARE = 1 / 3
+THROUGH_SHARE = 2 / 3
+OWN_SHARE = 0.5
+SHORTEST_SHARE = 0.5
+STRAIGHTNESS = 0.5
+RING_BAND = 0.25
+RING_COVERAGE = 0.5
+SECTORS = 36
+SPEED_WINDOW = 0.2e-3
+
+
+@dataclass(frozen=True)
+class Circle:
+    """A circle fitted to points.
+
+    Attributes:
+        x, y: its centre, m.
+        diameter: m.
+        scatter: root mean square of the points' distances from the circle, m.
+    """
+
+    x: float
+    y: float
+    diameter: float
+    scatter: float
+
+
+@dataclass(frozen=True)
+class CrackMap:
+    """When each column of modules cracked.
+
+    Attributes:
+        arrival: (nx, ny) time from which on the column is cracked, s; infinite where never.
+        spacing: edge of a pixel, one module, m.
+        thickness: of the plate, m.
+        axis: (2,) the striker's axis, m.
+    """
+
+    arrival: Array
+    spacing: float
+    thickness: float
+    axis: Array
+
+    def points(self, pixel: NDArray[np.int64]) -> Array:
+        """Centres of pixels (n, 2), m; the plate's centre is the origin."""
+        middle: Array = (pixel + 0.5 - 0.5 * np.array(self.arrival.shape)) * self.spacing
+        return middle
+
+    def radius(self) -> Array:
+        """(nx, ny) distance of each pixel's centre from the striker's axis, m."""
+        points = self.points(np.argwhere(np.ones(self.arrival.shape, dtype=bool)))
+        away: Array = np.linalg.norm(points - self.axis, axis=1)
+        return away.reshape(self.arrival.shape)
+
+
+@dataclass(frozen=True)
+class RadialCrack:
+    """A radial crack at the time of the radial map.
+
+    Attributes:
+        tip: (2,) its end, m.
+        path: (n, 2) its skeleton from the core to the tip, m.
+        arrival: (n,) time at which the crack reached each point of the path, s; may be infinite
+            where a gap of a pixel was bridged.
+    """
+
+    tip: Array
+    path: Array
+    arrival: Array
+
+
+@dataclass(frozen=True)
+class Growth:
+    """Cracks over time.
+
+    Attributes:
+        time: (n,) s.
+        tip_radius: (n,) distance of the furthest radial tip from the striker's axis, m; NaN before
+            a radial crack has left the core, and after the time of the radial map.
+        tip_speed: (n,) slope of ``tip_radius`` over 0.2 ms, m/s; NaN where that has none.
+        length: (n,) length of all cracks outside of the core, m.
+    """
+
+    time: Array
+    tip_radius: Array
+    tip_speed: Array
+    length: Array
+
+
+@dataclass(frozen=True)
+class Cracks:
+    """What the broken bars of a run show.
+
+    Attributes:
+        map: when each column of modules cracked (to a third of the thickness).
+        through: when it cracked through (to two thirds).
+        radial_time: of the map in which radial cracks are counted: t2 by the strain energy, or the
+            end of a record without failure, s.
+        radial: the radial cracks, the furthest tip first; empty where there is none.
+        radial_circle: circle through their tips (its diameter is d_r); None with fewer than three
+            tips, or with all of them on one side of the axis.
+        circular_circle: circle through the circular crack (its diameter is d_c); None where the
+            parts that run around the axis cover less than half of the turn.
+        circular_coverage: share of the turn that those parts cover (0 to 1), also where it is too
+            small for a circle.
+        circular_points: (n, 2) skeleton points that the circle was fitted to, m.
+        growth: tip radius, speed and length over time.
+    """
+
+    map: CrackMap
+    through: CrackMap
+    radial_time: float
+    radial: tuple[RadialCrack, ...]
+    radial_circle: Circle | None
+    circular_circle: Circle | None
+    circular_coverage: float
+    circular_points: Array
+    growth: Growth
+
+    @property
+    def mean_speed(self) -> float | None:
+        """Slope of a straight line through the furthest tip's radius over time, m/s, or None."""
+        known = np.isfinite(self.growth.tip_radius)
+        if np.unique(self.growth.tip_radius[known]).size < 2:
+            return None
+        time, radius = self.growth.time[known], self.growth.tip_radius[known]
+        return float(np.polyfit(time - time[0], radius, 1)[0])
+
+    def summary(self) -> dict[str, Any]:
+        """The numbers for ``summary.json``; None where a thing is not there."""
+        radial, ring, growth = self.radial_circle, self.circular_circle, self.growth
+        speed = growth.tip_speed[np.isfinite(growth.tip_speed)]
+        reach = growth.tip_radius[np.isfinite(growth.tip_radius)]
+        return NO_CRACKS | {
+            "radial_cracks": len(self.radial),
+            "radial_diameter_m": radial.diameter if radial else None,
+            "radial_centre_m": [radial.x, radial.y] if radial else None,
+            "radial_scatter_m": radial.scatter if radial else None,
+            "radial_time_s": self.radial_time,
+            "radial_tip_m": float(reach.max()) if reach.size else None,
+            "circular_diameter_m": ring.diameter if ring else None,
+            "circular_centre_m": [ring.x, ring.y] if ring else None,
+            "circular_scatter_m": ring.scatter if ring else None,
+            "circular_coverage": self.circular_coverage,
+            "crack_length_m": float(growth.length[-1]) if growth.length.size else 0.0,
+            "crack_speed_mean_m_s": self.mean_speed,
+            "crack_speed_max_m_s": float(speed.max()) if speed.size else None,
+        }
+
+
+NO_CRACKS: dict[str, Any] = {
+    "radial_cracks": 0,
+    "radial_diameter_m": None,
+    "radial_centre_m": None,
+    "radial_scatter_m": None,
+    "radial_time_s": None,
+    "radial_tip_m": None,
+    "circular_diameter_m": None,
+    "circular_centre_m": None,
+    "circular_scatter_m": None,
+    "circular_coverage": 0.0,
+    "crack_length_m": 0.0,
+    "crack_speed_mean_m_s": None,
+    "crack_speed_max_m_s": None,
+}
+"""What ``Cracks.summary`` gives, of a run in which nothing broke."""
+
+
+def measure_run(folder: RunFolder) -> Cracks | None:
+    """Measure the cracks of a run folder; None for a scene without damage or without a broken bar.
+
+    Raises:
+        SceneError: a file of the run cannot be read.
+    """
+    from taichi_ldem.signals import energy_failure
+
+    scene = load_scene(folder.scene_file)
+    if not scene.material.damage or not folder.fields_file.is_file():
+        return None
+    bars = read_broken_bars(folder.fields_file)
+    if not len(bars.bar):
+        return None
+    history = folder.read_history()
+    time, strain = history["time_s"], history["strain_j"]
+    position = scene.striker.position if scene.striker else (0.0, 0.0)
+    return measure(bars, scene.plate, position, energy_failure(time, strain), time)
+
+
+def measure(
+    bars: BrokenBars,
+    plate: Plate,
+    axis: tuple[float, float] = (0.0, 0.0),
+    radial_time: float | None = None,
+    time: Array | None = None,
+) -> Cracks:
+    """Measure cracks from broken bars.
+
+    Args:
+        bars: place in the reference configuration, time and kind of each.
+        plate: its modules and their size.
+        axis: of the striker, m.
+        radial_time: just before the circular crack, s; None: radial cracks are counted at the end,
+            and the circular one is told by its direction alone.
+        time: (n,) of the growth curves, s; None: the times at which bars broke.
+    """
+    at = crack_map(bars, plate, axis)
+    through = crack_map(bars, plate, axis, THROUGH_SHARE)
+    ring, coverage, points = circular_crack(through, radial_time)
+    if radial_time is None:
+        radial_time = float(max(bars.time_s.max(initial=0.0), 0.0 if time is None else time[-1]))
+    radial = radial_cracks(at, radial_time)
+    time = np.unique(bars.time_s) if time is None else time
+    return Cracks(
+        at,
+        through,
+        radial_time,
+        radial,
+        _through_tips(radial, at.axis),
+        ring,
+        coverage,
+        points,
+        _growth(at, radial, radial_time, time),
+    )
+
+
+def crack_map(
+    bars: BrokenBars,
+    plate: Plate,
+    axis: tuple[float, float] = (0.0, 0.0),
+    depth: float = DEPTH_SHARE,
+) -> CrackMap:
+    """The map of a plate's cracks over time (see the module), for a share of the thickness.
+
+    A bar on the border of two columns counts in both: a crack between two planes of nodes is then
+    closed, at a width of one or two pixels.
+    """
+    nx, ny, nz = plate.modules
+    spacing = plate.spacing
+    chosen = np.isin(bars.bar, IN_PLANE_BARS)
+    place, time = bars.position_m[chosen], bars.time_s[chosen]
+    level = np.clip(np.rint(2 * place[:, 2] / spacing).astype(int), 0, 2 * nz)
+    column = place[:, :2] / spacing + 0.5 * np.array([nx, ny])
+    first = np.full((2 * nz + 1, nx, ny), np.inf)
+    for shift in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
+        # a hundredth of a module: more than rounding, less than the quarter to the next bar
+        i, j = np.floor(column + 0.01 * np.array(shift)).astype(int).T
+        inside = (i >= 0) & (i < nx) & (j >= 0) & (j < ny)
+        np.minimum.at(first, (level[inside], i[inside], j[inside]), time[inside])
+    needed = math.ceil(depth * (2 * nz + 1))
+    arrival = np.partition(first, needed - 1, axis=0)[needed - 1]
+    return CrackMap(arrival, spacing, plate.size[2], np.asarray(axis, dtype=float))
+
+
+def radial_cracks(at: CrackMap, time: float) -> tuple[RadialCrack, ...]:
+    """The radial cracks at a time, the furthest tip first.
+
+    Tips are taken from the furthest to the nearest. The way of each along the skeleton to the core
+    is a radial crack of its own unless more than half of it is another's already (a fork), it is
+    shorter than the plate's thickness or than half of the longest (a spur), or it winds so that
+    its tip is less than half of its length further out than its root.
+    """
+    mask, core = _connected(at, time)
+    skeleton = _Skeleton(_thin(mask) | core, core)
+    radius = at.radius()
+    found: list[tuple[float, NDArray[np.int64]]] = []
+    claimed = core.copy()
+    for tip in sorted(skeleton.tips(), key=lambda pixel: -radius[pixel]):
+        way = skeleton.way(tip)
+        total = _length(way) * at.spacing
+        own = _length(way[: int(np.argmax(claimed[tuple(way.T)])) + 1]) * at.spacing
+        straight = radius[tip] - radius[tuple(way[-1])] >= STRAIGHTNESS * total
+        if own >= max(at.thickness, OWN_SHARE * total) and straight:
+            claimed[tuple(way.T)] = True
+            found.append((total, way[::-1]))
+    longest = max((total for total, _ in found), default=0.0)
+    return tuple(_crack(at, mask, way) for total, way in found if total >= SHORTEST_SHARE * longest)
+
+
+def circular_crack(at: CrackMap, after: float | None) -> tuple[Circle | None, float, Array]:
+    """Circle through the circular crack of the final map, its coverage, and the points used.
+
+    Points of the skeleton whose local direction is nearer to the turn than to the ray are fitted
+    with a free centre, and direction and fit repeated about the centre found.
+
+    Args:
+        at: the map of what is cracked through.
+        after: time after which the circular crack formed, s; None: at any time.
+
+    Returns:
+        The circle, or None; the share of the turn covered; (n, 2) points, m.
+    """
+    mask = _closed(np.isfinite(at.arrival))
+    core = _core(at, mask)
+    skeleton = _thin(mask | core) & ~core
+    pixels = np.argwhere(skeleton if after is None else skeleton & (at.arrival > after))
+    none: tuple[Circle | None, float, Array] = (None, 0.0, np.empty((0, 2)))
+    points = at.points(pixels)
+    if len(points) < 3:
+        return none
+    direction = _directions(points, max(3 * at.spacing, at.thickness))
+    centre, circle, used = at.axis, None, points[:0]
+    for _ in range(3):
+        ray = points - centre
+        away = np.linalg.norm(ray, axis=1)
+        along = np.abs((direction * ray).sum(axis=1)) < away * math.sqrt(0.5)
+        used = points[along & (away > at.thickness)]
+        circle = _fit_circle(used, centre, 0.5 * at.thickness)
+        if circle is None:
+            return none
+        centre = np.array([circle.x, circle.y])
+    assert circle is not None
+    off = np.linalg.norm(used - centre, axis=1) - circle.diameter / 2
+    used = used[np.abs(off) <= RING_BAND * circle.diameter / 2]
+    coverage = _coverage(used - centre)
+    around = math.dist(centre, at.axis) < circle.diameter / 2
+    return (circle if around and coverage >= RING_COVERAGE else None), coverage, used
+
+
+# --- raster and skeleton --------------------------------------------------------------------------
+
+
+def _closed(mask: Mask) -> Mask:
+    """The map with gaps of a pixel bridged and pinholes filled."""
+    from scipy import ndimage
+
+    padded = np.pad(mask, 2)
+    closed = ndimage.binary_closing(padded, np.ones((3, 3), dtype=bool))[2:-2, 2:-2]
+    holes, count = ndimage.label(~closed)
+    small = np.bincount(holes.ravel(), minlength=count + 1) <= 4
+    small[0] = False
+    filled: Mask = closed | small[holes]
+    return filled
+
+
+def _core(at: CrackMap, mask: Mask) -> Mask:
+    """The crushed core: a plate's thickness around the axis, and all that is broad and touches it.
+
+    Broad is what a disc of the plate's thickness as radius fits into.
+    """
+    from scipy import ndimage
+
+    disc = at.radius() <= at.thickness
+    half = max(2, round(at.thickness / at.spacing))
+    i, j = np.ogrid[-half : half + 1, -half : half + 1]
+    broad = ndimage.binary_opening(mask, i * i + j * j <= half * half)
+    parts, _ = ndimage.label(broad | disc, np.ones((3, 3)))
+    core: Mask = np.isin(parts, np.unique(parts[disc]))
+    return core
+
+
+def _connected(at: CrackMap, time: float) -> tuple[Mask, Mask]:
+    """The part of the map that hangs together with the core, and the core."""
+    from scipy import ndimage
+
+    mask = _closed(at.arrival <= time)
+    core = _core(at, mask)
+    parts, _ = ndimage.label(mask | core, np.ones((3, 3)))
+    return np.isin(parts, np.unique(parts[core])), core
+
+
+def _thin(mask: Mask) -> Mask:
+    from skimage.morphology import skeletonize
+
+    thin: Mask = skeletonize(np.pad(mask, 1))[1:-1, 1:-1]
+    return thin
+
+
+class _Skeleton:
+    """A skeleton as a graph of pixels, with the shortest ways from its ends into the core."""
+
+    def __init__(self, skeleton: Mask, core: Mask):
+        from scipy.sparse import csr_array
+        from scipy.sparse.csgraph import dijkstra
+        from scipy.spatial import KDTree
+
+        self.pixels = np.argwhere(skeleton)
+        self.in_core = core[tuple(self.pixels.T)]
+        first, second = KDTree(self.pixels).query_pairs(1.5, output_type="ndarray").T
+        length = np.linalg.norm(self.pixels[first] - self.pixels[second], axis=1)
+        count = len(self.pixels)
+        self.graph = csr_array((length, (first, second)), shape=(count, count))
+        self.graph = (self.graph + self.graph.T).tocsr()
+        roots = np.flatnonzero(self.in_core)
+        self.distance, self.before, _ = dijkstra(
+            self.graph, indices=roots, min_only=True, return_predecessors=True
+        )
+
+    def tips(self) -> list[tuple[int, int]]:
+        """Ends of the skeleton outside of the core, (i, j)."""
+        found = []
+        for node in np.flatnonzero(~self.in_core & np.isfinite(self.distance)):
+            near = self.graph.indices[self.graph.indptr[node] : self.graph.indptr[node + 1]]
+            beside = self.pixels[near]
+            # two neighbours that touch each other are one: the last bend of a staircase
+            if len(near) == 1 or (len(near) == 2 and np.abs(beside[0] - beside[1]).sum() == 1):
+                i, j = self.pixels[node]
+                found.append((int(i), int(j)))
+        return found
+
+    def way(self, tip: tuple[int, int]) -> NDArray[np.int64]:
+        """Pixels (n, 2) from a tip to the first one in the core."""
+        node = int(np.flatnonzero((self.pixels == tip).all(axis=1))[0])
+        nodes = [node]
+        while not self.in_core[node]:
+            node = int(self.before[node])
+            nodes.append(node)
+        way: NDArray[np.int64] = self.pixels[nodes]
+        return way
+
+
+def _length(way: NDArray[np.int64]) -> float:
+    """Length of a way, in pixels."""
+    return float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+
+
+def _crack(at: CrackMap, mask: Mask, way: NDArray[np.int64]) -> RadialCrack:
+    """A radial crack from its way, core first.
+
+    Thinning takes about half a width off an end: the tip is the outermost cracked pixel within two
+    pixels of the skeleton's end.
+    """
+    cracked = np.argwhere(mask)
+    near = cracked[np.abs(cracked - way[-1]).max(axis=1) <= 2]
+    points = at.points(near)
+    tip = points[np.argmax(np.linalg.norm(points - at.axis, axis=1))]
+    earliest = _earliest(at.arrival)[tuple(way.T)]
+    return RadialCrack(tip, np.vstack([at.points(way), tip]), np.append(earliest, earliest[-1]))
+
+
+def _earliest(arrival: Array) -> Array:
+    """First arrival in a pixel and its eight neighbours: a skeleton's pixel need not be first."""
+    from scipy import ndimage
+
+    return np.asarray(ndimage.minimum_filter(arrival, 3, mode="nearest"))
+
+
+# --- circles and time -----------------------------------------------------------------------------
+
+
+def _directions(points: Array, reach: float) -> Array:
+    """(n, 2) unit vector along the skeleton at each point: first principal axis within a reach."""
+    from scipy.spatial import KDTree
+
+    tree = KDTree(points)
+    result = np.empty_like(points)
+    for number, near in enumerate(tree.query_ball_point(points, reach)):
+        beside = points[near] - points[near].mean(axis=0)
+        result[number] = np.linalg.eigh(beside.T @ beside)[1][:, 1]
+    return result
+
+
+def _fit_circle(points: Array, guess: Array, scale: float) -> Circle | None:
+    """Circle of least distances (m) through points, free centre; None for fewer than three points.
+
+    Args:
+        points: (n, 2) m. guess: (2,) m. scale: distance beyond which a point loses weight, m.
+    """
+    from scipy.optimize import least_squares
+
+    if len(points) < 3:
+        return None
+
+    def off(p: Array) -> Array:
+        distance: Array = np.linalg.norm(points - p[:2], axis=1) - p[2]
+        return distance
+
+    start = np.append(guess, np.median(np.linalg.norm(points - guess, axis=1)))
+    fit = least_squares(off, start, loss="soft_l1", f_scale=scale, x_scale=start[2])
+    x, y, radius = fit.x
+    scatter = math.sqrt(float(np.mean(off(fit.x) ** 2)))
+    return Circle(float(x), float(y), float(2 * radius), scatter)
+
+
+def _through_tips(radial: tuple[RadialCrack, ...], axis: Array) -> Circle | None:
+    """Circle through the tips where they stand around the axis (no gap of half a turn)."""
+    if len(radial) < 3:
+        return None
+    tips = np.array([crack.tip for crack in radial])
+    angle = np.sort(np.arctan2(*(tips - axis).T[::-1]))
+    gaps = np.diff(np.append(angle, angle[0] + 2 * np.pi))
+    if gaps.max() >= np.pi:
+        return None
+    # no tip counts less than another: every distance is far within the scale
+    return _fit_circle(tips, axis, 1e3 * float(np.abs(tips).max()))
+
+
+def _coverage(ray: Array) -> float:
+    """Share of 36 sectors of ten degrees that hold a point, rays (n, 2) from the centre."""
+    turn = np.arctan2(ray[:, 1], ray[:, 0]) / (2 * np.pi) % 1.0
+    return len(np.unique((turn * SECTORS).astype(int) % SECTORS)) / SECTORS
+
+
+def _growth(
+    at: CrackMap, radial: tuple[RadialCrack, ...], radial_time: float, time: Array
+) -> Growth:
+    tip = np.full(len(time), np.nan)
+    if radial:
+        radius = np.concatenate([np.linalg.norm(c.path - at.axis, axis=1) for c in radial])
+        tip = _largest_until(time, np.concatenate([c.arrival for c in radial]), radius)
+    tip[time > radial_time] = np.nan
+    mask = _closed(np.isfinite(at.arrival))
+    core = _core(at, mask)
+    skeleton = _thin(mask | core) & ~core
+    arrival = _earliest(at.arrival)[skeleton]
+    length = _sum_until(time, arrival, _pixel_lengths(skeleton) * at.spacing)
+    if not len(time):
+        return Growth(time, tip, tip, length)
+    half = 0.5 * SPEED_WINDOW
+    ends = [np.interp(time + s, time, tip, np.nan, np.nan) for s in (-half, half)]
+    return Growth(time, tip, (ends[1] - ends[0]) / SPEED_WINDOW, length)
+
+
+def _largest_until(time: Array, arrival: Array, value: Array) -> Array:
+    """Largest value that has arrived by each time; NaN before the first."""
+    order = np.argsort(arrival, kind="stable")
+    largest = np.append(np.nan, np.maximum.accumulate(value[order]))
+    result: Array = largest[np.searchsorted(arrival[order], time, side="right")]
+    return result
+
+
+def _sum_until(time: Array, arrival: Array, value: Array) -> Array:
+    """Sum of what has arrived by each time."""
+    order = np.argsort(arrival, kind="stable")
+    total = np.append(0.0, np.cumsum(value[order]))
+    result: Array = total[np.searchsorted(arrival[order], time, side="right")]
+    return result
+
+
+def _pixel_lengths(skeleton: Mask) -> Array:
+    """Length in pixels that each of a skeleton's pixels stands for, in the order of argwhere.
+
+    Half of the way to each neighbour along the axes, and to each diagonal one with which it has no
+    common neighbour along the axes.
+    """
+    padded = np.pad(skeleton, 1)
+    total = np.zeros(padded.shape)
+    for axis in (0, 1):
+        for step in (-1, 1):
+            total += 0.5 * np.roll(padded, step, axis)
+    for i in (-1, 1):
+        for j in (-1, 1):
+            corner = np.roll(padded, (i, j), (0, 1))
+            common = np.roll(padded, i, 0) | np.roll(padded, j, 1)
+            total += 0.5 * math.sqrt(2) * (corner & ~common)
+    lengths: Array = total[1:-1, 1:-1][skeleton]
+    return lengths
+
+
+def broken_area(bars: BrokenBars, scene: Scene, time: Array) -> Array:
+    """Area of all broken bars by each time, m2: what G_f is paid for (Eqs. (4) to (8)).
+
+    Bars on a face or an edge of the prism carry 1/2 or 1/4 where the scene weights surfaces, so that
+    a plane crack normal to a cube edge has its geometric area. The rim of a disc counts as inside.
+    """
+    from taichi_ldem.material import fracture_areas
+
+    plate, material = scene.plate, scene.material
+    longitudinal, diagonal = fracture_areas(material.poisson_ratio, material.fracture_areas)
+    area = np.where(bars.bar < 6, longitudinal, diagonal) * plate.spacing**2
+    if plate.surface_weights:
+        half = 0.5 * np.array(plate.actual_size)
+        from_middle = np.abs(bars.position_m - [0.0, 0.0, half[2]])
+        on_face = from_middle > half - 0.01 * plate.spacing
+        # the middle of an edge bar lies on a face that it is normal to only if it lies outside
+        area *= np.where(bars.bar < 3, 0.5 ** on_face.sum(axis=1), 1.0)
+    return _sum_until(time, bars.time_s, area)
