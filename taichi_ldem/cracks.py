@@ -297,20 +297,24 @@ def radial_cracks(at: CrackMap, time: float) -> tuple[RadialCrack, ...]:
     its tip is less than half of its length further out than its root.
     """
     mask, core = _connected(at, time)
-    skeleton = _Skeleton(_thin(mask) | core, core)
     radius = at.radius()
     found: list[tuple[float, NDArray[np.int64]]] = []
     claimed = core.copy()
-    for tip in sorted(skeleton.tips(), key=lambda pixel: -radius[pixel]):
-        way = skeleton.way(tip)
+    ways = _Skeleton(mask, core, radius).ways()
+    for way in sorted(ways, key=lambda way: -float(radius[tuple(way[0])])):
         total = _length(way) * at.spacing
         own = _length(way[: int(np.argmax(claimed[tuple(way.T)])) + 1]) * at.spacing
-        straight = radius[tip] - radius[tuple(way[-1])] >= STRAIGHTNESS * total
+        straight = radius[tuple(way[0])] - radius[tuple(way[-1])] >= STRAIGHTNESS * total
         if own >= max(at.thickness, OWN_SHARE * total) and straight:
             claimed[tuple(way.T)] = True
             found.append((total, way[::-1]))
     longest = max((total for total, _ in found), default=0.0)
-    return tuple(_crack(at, mask, way) for total, way in found if total >= SHORTEST_SHARE * longest)
+    earliest = _earliest(at.arrival)
+    return tuple(
+        RadialCrack(at.points(way[-1]), at.points(way), earliest[tuple(way.T)])
+        for total, way in found
+        if total >= SHORTEST_SHARE * longest
+    )
 
 
 def circular_crack(at: CrackMap, after: float | None) -> tuple[Circle | None, float, Array]:
@@ -398,70 +402,65 @@ def _connected(at: CrackMap, time: float) -> tuple[Mask, Mask]:
 def _thin(mask: Mask) -> Mask:
     from skimage.morphology import skeletonize
 
-    thin: Mask = skeletonize(np.pad(mask, 1))[1:-1, 1:-1]
+    # Zhang's algorithm, the default, eats diagonal lines of two pixels' width from their ends
+    thin: Mask = skeletonize(np.pad(mask, 1), method="lee")[1:-1, 1:-1] > 0
     return thin
 
 
 class _Skeleton:
-    """A skeleton as a graph of pixels, with the shortest ways from its ends into the core."""
+    """The skeleton of a map as a graph of pixels, with the shortest ways from its ends to the core.
 
-    def __init__(self, skeleton: Mask, core: Mask):
+    Thinning takes about half a crack's width off an end: a way begins at the outermost of those
+    cracked pixels to which the skeleton's end is the nearest point of the skeleton.
+    """
+
+    def __init__(self, mask: Mask, core: Mask, radius: Array):
         from scipy.sparse import csr_array
         from scipy.sparse.csgraph import dijkstra
         from scipy.spatial import KDTree
 
+        skeleton = _thin(mask) | core
         self.pixels = np.argwhere(skeleton)
         self.in_core = core[tuple(self.pixels.T)]
-        first, second = KDTree(self.pixels).query_pairs(1.5, output_type="ndarray").T
+        tree = KDTree(self.pixels)
+        first, second = tree.query_pairs(1.5, output_type="ndarray").T
         length = np.linalg.norm(self.pixels[first] - self.pixels[second], axis=1)
         count = len(self.pixels)
         self.graph = csr_array((length, (first, second)), shape=(count, count))
         self.graph = (self.graph + self.graph.T).tocsr()
-        roots = np.flatnonzero(self.in_core)
         self.distance, self.before, _ = dijkstra(
-            self.graph, indices=roots, min_only=True, return_predecessors=True
+            self.graph,
+            indices=np.flatnonzero(self.in_core),
+            min_only=True,
+            return_predecessors=True,
         )
+        self.cracked = np.argwhere(mask)
+        self.cracked = self.cracked[np.argsort(radius[tuple(self.cracked.T)], kind="stable")]
+        self.nearest = tree.query(self.cracked)[1]
 
-    def tips(self) -> list[tuple[int, int]]:
-        """Ends of the skeleton outside of the core, (i, j)."""
+    def ways(self) -> list[NDArray[np.int64]]:
+        """Pixels (n, 2) from each end outside of the core to the first pixel in the core."""
         found = []
         for node in np.flatnonzero(~self.in_core & np.isfinite(self.distance)):
             near = self.graph.indices[self.graph.indptr[node] : self.graph.indptr[node + 1]]
             beside = self.pixels[near]
             # two neighbours that touch each other are one: the last bend of a staircase
             if len(near) == 1 or (len(near) == 2 and np.abs(beside[0] - beside[1]).sum() == 1):
-                i, j = self.pixels[node]
-                found.append((int(i), int(j)))
+                found.append(self._way(int(node)))
         return found
 
-    def way(self, tip: tuple[int, int]) -> NDArray[np.int64]:
-        """Pixels (n, 2) from a tip to the first one in the core."""
-        node = int(np.flatnonzero((self.pixels == tip).all(axis=1))[0])
-        nodes = [node]
-        while not self.in_core[node]:
-            node = int(self.before[node])
-            nodes.append(node)
+    def _way(self, end: int) -> NDArray[np.int64]:
+        nodes = [end]
+        while not self.in_core[nodes[-1]]:
+            nodes.append(int(self.before[nodes[-1]]))
         way: NDArray[np.int64] = self.pixels[nodes]
-        return way
+        outermost = self.cracked[self.nearest == end][-1]
+        return way if (outermost == way[0]).all() else np.vstack([outermost, way])
 
 
 def _length(way: NDArray[np.int64]) -> float:
     """Length of a way, in pixels."""
     return float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
-
-
-def _crack(at: CrackMap, mask: Mask, way: NDArray[np.int64]) -> RadialCrack:
-    """A radial crack from its way, core first.
-
-    Thinning takes about half a width off an end: the tip is the outermost cracked pixel within two
-    pixels of the skeleton's end.
-    """
-    cracked = np.argwhere(mask)
-    near = cracked[np.abs(cracked - way[-1]).max(axis=1) <= 2]
-    points = at.points(near)
-    tip = points[np.argmax(np.linalg.norm(points - at.axis, axis=1))]
-    earliest = _earliest(at.arrival)[tuple(way.T)]
-    return RadialCrack(tip, np.vstack([at.points(way), tip]), np.append(earliest, earliest[-1]))
 
 
 def _earliest(arrival: Array) -> Array:
