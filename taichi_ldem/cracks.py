@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_ldem.scene import Plate, Scene, load_scene
+from taichi_ldem.skeleton import Skeleton, closed, pixel_lengths, thin, way_length
 from taichi_ldem.store import BrokenBars, RunFolder, read_broken_bars
 
 Array = NDArray[np.float64]
@@ -244,7 +245,7 @@ def measure(
     through = crack_map(bars, plate, axis, THROUGH_SHARE)
     ring, coverage, points = circular_crack(through, radial_time)
     if radial_time is None:
-        radial_time = float(max(bars.time_s.max(initial=0.0), 0.0 if time is None else time[-1]))
+        radial_time = float(np.append(bars.time_s, [] if time is None else time).max(initial=0.0))
     radial = radial_cracks(at, radial_time)
     time = np.unique(bars.time_s) if time is None else time
     return Cracks(
@@ -300,10 +301,10 @@ def radial_cracks(at: CrackMap, time: float) -> tuple[RadialCrack, ...]:
     radius = at.radius()
     found: list[tuple[float, NDArray[np.int64]]] = []
     claimed = core.copy()
-    ways = _Skeleton(mask, core, radius).ways()
+    ways = Skeleton(mask, core, radius).ways()
     for way in sorted(ways, key=lambda way: -float(radius[tuple(way[0])])):
-        total = _length(way) * at.spacing
-        own = _length(way[: int(np.argmax(claimed[tuple(way.T)])) + 1]) * at.spacing
+        total = way_length(way) * at.spacing
+        own = way_length(way[: int(np.argmax(claimed[tuple(way.T)])) + 1]) * at.spacing
         straight = radius[tuple(way[0])] - radius[tuple(way[-1])] >= STRAIGHTNESS * total
         if own >= max(at.thickness, OWN_SHARE * total) and straight:
             claimed[tuple(way.T)] = True
@@ -330,9 +331,9 @@ def circular_crack(at: CrackMap, after: float | None) -> tuple[Circle | None, fl
     Returns:
         The circle, or None; the share of the turn covered; (n, 2) points, m.
     """
-    mask = _closed(np.isfinite(at.arrival))
+    mask = closed(np.isfinite(at.arrival))
     core = _core(at, mask)
-    skeleton = _thin(mask | core) & ~core
+    skeleton = thin(mask | core) & ~core
     pixels = np.argwhere(skeleton if after is None else skeleton & (at.arrival > after))
     none: tuple[Circle | None, float, Array] = (None, 0.0, np.empty((0, 2)))
     points = at.points(pixels)
@@ -357,20 +358,7 @@ def circular_crack(at: CrackMap, after: float | None) -> tuple[Circle | None, fl
     return (circle if around and coverage >= RING_COVERAGE else None), coverage, used
 
 
-# --- raster and skeleton --------------------------------------------------------------------------
-
-
-def _closed(mask: Mask) -> Mask:
-    """The map with gaps of a pixel bridged and pinholes filled."""
-    from scipy import ndimage
-
-    padded = np.pad(mask, 2)
-    closed = ndimage.binary_closing(padded, np.ones((3, 3), dtype=bool))[2:-2, 2:-2]
-    holes, count = ndimage.label(~closed)
-    small = np.bincount(holes.ravel(), minlength=count + 1) <= 4
-    small[0] = False
-    filled: Mask = closed | small[holes]
-    return filled
+# --- raster --------------------------------------------------------------------------
 
 
 def _core(at: CrackMap, mask: Mask) -> Mask:
@@ -393,81 +381,18 @@ def _connected(at: CrackMap, time: float) -> tuple[Mask, Mask]:
     """The part of the map that hangs together with the core, and the core."""
     from scipy import ndimage
 
-    mask = _closed(at.arrival <= time)
+    mask = closed(at.arrival <= time)
     core = _core(at, mask)
     parts, _ = ndimage.label(mask | core, np.ones((3, 3)))
     return np.isin(parts, np.unique(parts[core])), core
 
 
-def _thin(mask: Mask) -> Mask:
-    from skimage.morphology import skeletonize
-
-    # Zhang's algorithm, the default, eats diagonal lines of two pixels' width from their ends
-    thin: Mask = skeletonize(np.pad(mask, 1), method="lee")[1:-1, 1:-1] > 0
-    return thin
-
-
-class _Skeleton:
-    """The skeleton of a map as a graph of pixels, with the shortest ways from its ends to the core.
-
-    Thinning takes about half a crack's width off an end: a way begins at the outermost of those
-    cracked pixels to which the skeleton's end is the nearest point of the skeleton.
-    """
-
-    def __init__(self, mask: Mask, core: Mask, radius: Array):
-        from scipy.sparse import csr_array
-        from scipy.sparse.csgraph import dijkstra
-        from scipy.spatial import KDTree
-
-        skeleton = _thin(mask) | core
-        self.pixels = np.argwhere(skeleton)
-        self.in_core = core[tuple(self.pixels.T)]
-        tree = KDTree(self.pixels)
-        first, second = tree.query_pairs(1.5, output_type="ndarray").T
-        length = np.linalg.norm(self.pixels[first] - self.pixels[second], axis=1)
-        count = len(self.pixels)
-        self.graph = csr_array((length, (first, second)), shape=(count, count))
-        self.graph = (self.graph + self.graph.T).tocsr()
-        self.distance, self.before, _ = dijkstra(
-            self.graph,
-            indices=np.flatnonzero(self.in_core),
-            min_only=True,
-            return_predecessors=True,
-        )
-        self.cracked = np.argwhere(mask)
-        self.cracked = self.cracked[np.argsort(radius[tuple(self.cracked.T)], kind="stable")]
-        self.nearest = tree.query(self.cracked)[1]
-
-    def ways(self) -> list[NDArray[np.int64]]:
-        """Pixels (n, 2) from each end outside of the core to the first pixel in the core."""
-        found = []
-        for node in np.flatnonzero(~self.in_core & np.isfinite(self.distance)):
-            near = self.graph.indices[self.graph.indptr[node] : self.graph.indptr[node + 1]]
-            beside = self.pixels[near]
-            # two neighbours that touch each other are one: the last bend of a staircase
-            if len(near) == 1 or (len(near) == 2 and np.abs(beside[0] - beside[1]).sum() == 1):
-                found.append(self._way(int(node)))
-        return found
-
-    def _way(self, end: int) -> NDArray[np.int64]:
-        nodes = [end]
-        while not self.in_core[nodes[-1]]:
-            nodes.append(int(self.before[nodes[-1]]))
-        way: NDArray[np.int64] = self.pixels[nodes]
-        outermost = self.cracked[self.nearest == end][-1]
-        return way if (outermost == way[0]).all() else np.vstack([outermost, way])
-
-
-def _length(way: NDArray[np.int64]) -> float:
-    """Length of a way, in pixels."""
-    return float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
-
-
 def _earliest(arrival: Array) -> Array:
-    """First arrival in a pixel and its eight neighbours: a skeleton's pixel need not be first."""
+    """Arrival, and where a gap was bridged the first one of the eight neighbours."""
     from scipy import ndimage
 
-    return np.asarray(ndimage.minimum_filter(arrival, 3, mode="nearest"))
+    beside = ndimage.minimum_filter(arrival, 3, mode="nearest")
+    return np.where(np.isfinite(arrival), arrival, beside)
 
 
 # --- circles and time -----------------------------------------------------------------------------
@@ -534,11 +459,11 @@ def _growth(
         radius = np.concatenate([np.linalg.norm(c.path - at.axis, axis=1) for c in radial])
         tip = _largest_until(time, np.concatenate([c.arrival for c in radial]), radius)
     tip[time > radial_time] = np.nan
-    mask = _closed(np.isfinite(at.arrival))
+    mask = closed(np.isfinite(at.arrival))
     core = _core(at, mask)
-    skeleton = _thin(mask | core) & ~core
+    skeleton = thin(mask | core) & ~core
     arrival = _earliest(at.arrival)[skeleton]
-    length = _sum_until(time, arrival, _pixel_lengths(skeleton) * at.spacing)
+    length = _sum_until(time, arrival, pixel_lengths(skeleton) * at.spacing)
     if not len(time):
         return Growth(time, tip, tip, length)
     half = 0.5 * SPEED_WINDOW
@@ -562,31 +487,11 @@ def _sum_until(time: Array, arrival: Array, value: Array) -> Array:
     return result
 
 
-def _pixel_lengths(skeleton: Mask) -> Array:
-    """Length in pixels that each of a skeleton's pixels stands for, in the order of argwhere.
-
-    Half of the way to each neighbour along the axes, and to each diagonal one with which it has no
-    common neighbour along the axes.
-    """
-    padded = np.pad(skeleton, 1)
-    total = np.zeros(padded.shape)
-    for axis in (0, 1):
-        for step in (-1, 1):
-            total += 0.5 * np.roll(padded, step, axis)
-    for i in (-1, 1):
-        for j in (-1, 1):
-            corner = np.roll(padded, (i, j), (0, 1))
-            common = np.roll(padded, i, 0) | np.roll(padded, j, 1)
-            total += 0.5 * math.sqrt(2) * (corner & ~common)
-    lengths: Array = total[1:-1, 1:-1][skeleton]
-    return lengths
-
-
 def broken_area(bars: BrokenBars, scene: Scene, time: Array) -> Array:
     """Area of all broken bars by each time, m2: what G_f is paid for (Eqs. (4) to (8)).
 
-    Bars on a face or an edge of the prism carry 1/2 or 1/4 where the scene weights surfaces, so that
-    a plane crack normal to a cube edge has its geometric area. The rim of a disc counts as inside.
+    Bars on a face or an edge of the prism carry 1/2 or 1/4 where the scene weights surfaces, so
+    that a plane crack normal to a cube edge has its geometric area. A disc's rim counts as inside.
     """
     from taichi_ldem.material import fracture_areas
 

@@ -21,6 +21,7 @@ Filtered force (Fig. 11(a)): low-pass at a free-oscillation frequency of the spe
 ASTM D3763: load and deflection at the largest load, energy to it, and total energy.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -195,8 +196,11 @@ def low_pass(time: Array, force: Array, cutoff: float, start: float | None) -> A
     begin = 0 if start is None else int(np.searchsorted(time, start))
     if len(force) - begin < 10:
         return filtered
-    sections = butter(FILTER_ORDER, cutoff, fs=1 / float(time[1] - time[0]), output="sos")
-    filtered[begin:] = sosfiltfilt(sections, force[begin:])
+    rate = 1 / float(time[1] - time[0])
+    sections = butter(FILTER_ORDER, cutoff, fs=rate, output="sos")
+    # the record is mirrored for three periods at either end, so that the filter's start is over
+    mirrored = min(len(force) - begin - 1, math.ceil(3 * rate / cutoff))
+    filtered[begin:] = sosfiltfilt(sections, force[begin:], padlen=mirrored)
     return filtered
 
 

@@ -40,9 +40,13 @@ class Drawing:
                 middle[:, 1 - axis] = np.maximum(cell[at], cell[at + 1])
                 place = (middle + shift - 0.5 * np.array(self.plate.modules[:2])) * spacing
                 for z in heights:
-                    self._add(time[at], np.column_stack([place, np.full(len(at), z)]), first_bar + axis)
+                    self._add(
+                        time[at], np.column_stack([place, np.full(len(at), z)]), first_bar + axis
+                    )
 
-    def ray(self, tip: np.ndarray, start: float = START, end: float = END, depth: float = 1.0) -> None:
+    def ray(
+        self, tip: np.ndarray, start: float = START, end: float = END, depth: float = 1.0
+    ) -> None:
         """A straight crack from the plate's centre to a tip, at constant speed."""
         share = np.linspace(0.0, 1.0, 4000)
         self.curve(share[:, None] * tip, start + share * (end - start), depth)
@@ -94,7 +98,9 @@ class Drawing:
             middle[bar == kind] = shift.get(kind, (0.25, 0.25, 0.25))
         place = (site + middle - [half[0], half[1], 0.0]) * spacing
         time = rng.uniform(START, 3e-3 if radius else 9e-3, count)
-        inside = np.ones(count, dtype=bool) if radius is None else np.hypot(*place[:, :2].T) < radius
+        inside = (
+            np.ones(count, dtype=bool) if radius is None else np.hypot(*place[:, :2].T) < radius
+        )
         for kind in kinds:
             chosen = inside & (bar == kind)
             self._add(time[chosen], place[chosen], kind)
@@ -103,7 +109,7 @@ class Drawing:
 def tips_on_circle(
     count: int, centre: np.ndarray, diameter: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """Ends (n, 2) of rays from the origin at random angles, at least 28 degrees apart, on a circle."""
+    """Ends (n, 2), on a circle, of rays from the origin 28 degrees apart or more."""
     least = np.radians(28.0)
     free = rng.dirichlet(np.ones(count)) * (2 * np.pi - count * least)
     angle = np.cumsum(free + least) + rng.uniform(0, 2 * np.pi)

@@ -204,19 +204,21 @@ def test_a_tip_is_followed_in_time() -> None:
     growth, speed = cracks.growth, 26e-3 / (END - START)
     drawn = speed * (time - START)
     known = np.isfinite(growth.tip_radius)
-    assert not known[time < START + 3.2e-3 / speed].any()  # a plate's thickness: the core
+    # a plate's thickness is core; its outermost pixel belongs to the crack's way
+    assert not known[time < START + (3.2e-3 - 1.5 * L) / speed].any()
     assert not known[time > BEFORE_RING].any()
     going = known & (time < END)
-    assert np.abs(growth.tip_radius - drawn)[going].max() < 2.5 * L
-    assert cracks.mean_speed == pytest.approx(speed, rel=0.06)  # it stands still from END on
-    # mean of a slope of steps of L over 0.2 ms, between 3.2 mm and 26 mm
+    assert np.abs(growth.tip_radius - drawn)[going].max() < 1.2 * L
+    assert abs((growth.tip_radius - drawn)[going].mean()) < 0.2 * L
+    assert cracks.mean_speed == pytest.approx(speed, rel=0.03)  # it stands still from END on
+    # a mean of slopes over 0.2 ms, in steps of a pixel
     inner = (time > 3e-3) & (time < 6.5e-3)
-    assert growth.tip_speed[inner].mean() == pytest.approx(speed, rel=0.05)
+    assert growth.tip_speed[inner].mean() == pytest.approx(speed, rel=0.03)
     assert np.all(np.diff(growth.length) >= 0)
-    # from a plate's thickness off the axis on; a raster's lines are up to 8 % longer than straight
-    # ones (1/cos 22.5 deg), and thinning takes a pixel off each end
+    # from a plate's thickness off the axis on; a raster's line is up to 8 % longer than a straight
+    # one (cos + (sqrt 2 - 1) sin at 22.5 deg), and thinning takes about a pixel off each end
     drawn_length = 3 * 18e-3 + 26e-3 - 4 * 3.2e-3
-    assert 0.94 * drawn_length < growth.length[-1] < 1.1 * drawn_length
+    assert 0.94 * drawn_length < growth.length[-1] < 1.08 * drawn_length
 
 
 def test_a_column_cracks_when_a_third_of_its_levels_has() -> None:
