@@ -52,7 +52,8 @@ class Skeleton:
         self.pixels = np.argwhere(skeleton)
         self.in_core = core[tuple(self.pixels.T)]
         tree = KDTree(self.pixels)
-        first, second = tree.query_pairs(1.5, output_type="ndarray").T
+        # 32-bit indices: graph searches of SciPy 1.11 take no others
+        first, second = tree.query_pairs(1.5, output_type="ndarray").astype(np.int32).T
         length = np.linalg.norm(self.pixels[first] - self.pixels[second], axis=1)
         count = len(self.pixels)
         self.graph = csr_array((length, (first, second)), shape=(count, count))

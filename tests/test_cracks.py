@@ -1,5 +1,7 @@
 """Cracks against drawn ones whose answers are known, and against a real run counted by hand."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -319,3 +321,13 @@ def test_a_run_folder_is_measured(tmp_path: Path) -> None:
     assert measure_run(folder) is None
     whole = synthetic_run(tmp_path / "whole", cracked=False)
     assert measure_run(RunFolder.open(whole.path)) is None
+
+
+def test_a_run_does_not_load_what_measures_it_before_its_end() -> None:
+    """Neither the scenario nor this module brings SciPy, scikit-image or Matplotlib with it."""
+    heavy = ("scipy", "skimage", "matplotlib", "taichi")
+    code = (
+        "import sys, taichi_ldem.scenarios.impact; assert 'taichi_ldem.cracks' not in sys.modules;"
+        f"import taichi_ldem.cracks; assert not [m for m in {heavy} if m in sys.modules]"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
