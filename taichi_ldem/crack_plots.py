@@ -116,7 +116,9 @@ def _draw_radial(axes: Axes, cracks: Cracks) -> None:
             fontsize=14,
         )
     _draw_circle(axes, cracks.radial_circle, _RADIAL, "$d_r$")
-    axes.set_title(f"{len(cracks.radial)} radial cracks at {_MS * cracks.radial_time:.2f} ms")
+    axes.set_title(
+        f"{len(cracks.radial)} radial cracks at {_MS * cracks.radial_time:.2f} ms, from below"
+    )
 
 
 def _draw_circular(axes: Axes, cracks: Cracks) -> None:
@@ -126,7 +128,8 @@ def _draw_circular(axes: Axes, cracks: Cracks) -> None:
         axes.plot(*points, ".", color=_CIRCULAR, markersize=5, label=f"parts around: {share}")
     _draw_circle(axes, cracks.circular_circle, _CIRCULAR, "$d_c$")
     known = cracks.circular_circle is not None
-    axes.set_title("circular crack at the end" if known else "no circular crack at the end")
+    text = "circular crack at the end" if known else "no circular crack at the end"
+    axes.set_title(f"{text}, from below")
 
 
 def _draw_circle(axes: Axes, circle: Circle | None, color: str, name: str) -> None:

@@ -159,11 +159,11 @@ def test_overlay_numbers_the_tips_and_draws_the_circle(run, figures):
     plot_run(run)
     left, right = figures["cracks.png"].axes
     # synthetic_run: five radial cracks; its ring is not cracked through
-    assert left.get_title() == "5 radial cracks at 7.48 ms"
+    assert left.get_title() == "5 radial cracks at 7.48 ms, from below"
     assert [text.get_text() for text in left.texts] == ["1", "2", "3", "4", "5"]
     labels = [text.get_text() for text in left.get_legend().get_texts()]
     assert any(label.startswith("$d_r$ = ") for label in labels)
-    assert right.get_title() == "no circular crack at the end"
+    assert right.get_title() == "no circular crack at the end, from below"
     for axes in (left, right):
         assert axes.get_xlim()[0] > axes.get_xlim()[1]  # from below
 
