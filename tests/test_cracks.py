@@ -273,6 +273,31 @@ def test_broken_area_of_a_plane_is_its_area() -> None:
     assert area[1] == pytest.approx(6e-3 * 3e-3, rel=1e-12)
 
 
+@pytest.mark.filterwarnings("error")
+def test_any_broken_bars_can_be_measured() -> None:
+    """Hail of bars on plates of any shape: a finished run must not fail at its last step."""
+    rng = np.random.default_rng(0)
+    for _ in range(60):
+        modules = rng.integers(1, (40, 40, 7))
+        spacing = 10 ** rng.uniform(-4, 0)
+        x, y, z = (float(n) for n in modules * spacing)
+        plate = Plate(size=(x, y, z), modules_through_thickness=int(modules[2]))
+        count = int(rng.choice([0, 1, 2, 5, 500, 20_000]))
+        place = rng.integers(0, 2 * modules + 1, (count, 3)) * spacing / 2 - [x / 2, y / 2, 0]
+        if rng.random() < 0.3:
+            place[:, 0] = 0.0
+        bars = BrokenBars(
+            np.sort(rng.uniform(0, 1e-2, count)), place, rng.integers(0, 14, count).astype(np.uint8)
+        )
+        axis = (rng.uniform(-x / 2, x / 2), rng.uniform(-y / 2, y / 2))
+        cracks = measure(bars, plate, axis, rng.choice([None, 5e-3]), np.linspace(0, 1e-2, 20))
+        assert cracks.summary().keys() == NO_CRACKS.keys()
+        assert 0.0 <= cracks.circular_coverage <= 1.0
+        reach = cracks.growth.tip_radius[np.isfinite(cracks.growth.tip_radius)]
+        assert np.all(np.diff(reach) >= 0)
+        assert np.all(reach <= np.hypot(x, y))
+
+
 # --- a real run -----------------------------------------------------------------------------------
 
 
