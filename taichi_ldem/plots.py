@@ -126,8 +126,12 @@ def _has_cracks(run: _Run) -> bool:
     return run.scene.material.damage and run.folder.fields_file.is_file()
 
 
+def _has_measured_cracks(run: _Run) -> bool:
+    return run.scene.scenario == "impact" and run.cracks is not None
+
+
 def _has_growth(run: _Run) -> bool:
-    return len(run.history["time_s"]) > 1 and run.cracks is not None
+    return len(run.history["time_s"]) > 1 and _has_measured_cracks(run)
 
 
 def _draw_force(figure: Figure, run: _Run) -> None:
@@ -414,6 +418,6 @@ _FIGURES: tuple[tuple[str, tuple[float, float], _Needs, _Draw], ...] = (
     ("energy", (9.0, 7.0), _has("energy_error"), _draw_energy),
     ("stress_strain", (9.0, 6.4), _has_section, _draw_stress_strain),
     ("crack_map", (9.0, 7.8), _has_cracks, _draw_crack_map),
-    ("cracks", (15.0, 9.3), lambda run: run.cracks is not None, _draw_cracks),
+    ("cracks", (15.0, 9.3), _has_measured_cracks, _draw_cracks),
     ("crack_growth", (9.0, 8.0), _has_growth, _draw_crack_growth),
 )
