@@ -21,14 +21,18 @@ _RADIAL, _CIRCULAR = "C3", "C0"
 def overlay(figure: Figure, cracks: Cracks) -> None:
     """Radial cracks at t2 beside the circular crack at the end, both from below."""
     left, right = figure.subplots(1, 2)
-    for axes, at, until in (
-        (left, cracks.map, cracks.radial_time),
-        (right, cracks.through, math.inf),
+    for axes, dark, pale, until in (
+        (left, cracks.map, cracks.faint, cracks.radial_time),
+        (right, cracks.through, cracks.map, math.inf),
     ):
-        _draw_map(axes, at, until)
+        _draw_map(axes, dark, pale, until)
         _zoom(axes, cracks)
     _draw_radial(left, cracks)
     _draw_circular(right, cracks)
+    for axes, depths in ((left, ("third", "sixth")), (right, ("two thirds", "third"))):
+        for shade, depth in zip((0.45, 0.82), depths, strict=True):
+            text = f"cracked to {'' if 'two' in depth else 'a '}{depth} of the thickness"
+            axes.plot([], [], "s", color=str(shade), markersize=9, label=text)
     for axes in (left, right):
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.09), fontsize=12)
 
@@ -51,7 +55,8 @@ def growth(figure: Figure, cracks: Cracks, area: np.ndarray[Any, Any]) -> tuple[
         upper.plot(
             time[known], fitted, "--", color="0.4", lw=1.2, label=f"straight line: {mean:.1f} m/s"
         )
-        upper.legend(loc="lower right", fontsize=12)
+    upper.axvline(_MS * cracks.radial_time, color="C0", linestyle=":", label="map of radial cracks")
+    upper.legend(loc="lower right", fontsize=12)
     upper.set_ylabel("distance from the\nstriker's axis [mm]")
     middle.plot(time, grown.tip_speed, color=_RADIAL, linewidth=1.2)
     middle.set_ylabel("speed of that tip\nover 0.2 ms [m/s]")
@@ -69,22 +74,22 @@ def growth(figure: Figure, cracks: Cracks, area: np.ndarray[Any, Any]) -> tuple[
     return upper, middle, lower
 
 
-def _draw_map(axes: Axes, at: CrackMap, until: float) -> None:
-    nx, ny = at.arrival.shape
-    x, y = (_MM * 0.5 * n * at.spacing for n in (nx, ny))
-    cracked = np.isfinite(at.arrival) & (at.arrival <= until)
+def _draw_map(axes: Axes, dark: CrackMap, pale: CrackMap, until: float) -> None:
+    """What is cracked at a time in grey, and what is less deeply cracked in pale grey."""
+    x, y = (_MM * 0.5 * n * dark.spacing for n in dark.arrival.shape)
+    shade = sum(np.isfinite(m.arrival) & (m.arrival <= until) for m in (dark, dark, pale))
     axes.imshow(
-        cracked.T,
+        np.asarray(shade).T,
         extent=(-x, x, -y, y),
         origin="lower",
         cmap="Greys",
         vmin=0.0,
-        vmax=2.0,
+        vmax=6.0,
         interpolation="nearest",
     )
     axes.grid(False)
     axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
-    axes.plot(*(_MM * at.axis), "k+", markersize=12, label="striker's axis")
+    axes.plot(*(_MM * dark.axis), "k+", markersize=12, label="striker's axis")
 
 
 def _zoom(axes: Axes, cracks: Cracks) -> None:

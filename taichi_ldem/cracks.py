@@ -10,7 +10,8 @@ they rest on, and where they end.
   every crack but one parallel to the plate, so delamination and damage of one face are not taken
   for a crack.
 - **Radial crack**: a branch of the map's skeleton, from a tip to the crushed core around the
-  striker's axis, that is its own for at least half of its length.
+  striker's axis, that is its own for at least half of its length; its tip is where it has reached a
+  sixth of the thickness, since a crack in bending is longest on the face in tension.
 - **d_r**: the circle through the tips of the radial cracks at t2 (largest strain energy), just
   before the circular crack (text below Fig. 14 of the paper).
 - **d_c**: the circle through those parts of the skeleton of what is cracked through at the end that
@@ -36,6 +37,7 @@ Mask = NDArray[np.bool_]
 IN_PLANE_BARS = (0, 1, 3, 4)
 """Bars along x and y, of both sublattices (``store.BAR_NUMBERING``)."""
 
+FAINT_SHARE = 1 / 6
 DEPTH_SHARE = 1 / 3
 THROUGH_SHARE = 2 / 3
 OWN_SHARE = 0.5
@@ -130,7 +132,8 @@ class Cracks:
     """What the broken bars of a run show.
 
     Attributes:
-        map: when each column of modules cracked (to a third of the thickness).
+        faint: when each column of modules began to crack (to a sixth of the thickness).
+        map: when it cracked (to a third).
         through: when it cracked through (to two thirds).
         radial_time: of the map in which radial cracks are counted: t2 by the strain energy, or the
             end of a record without failure, s.
@@ -145,6 +148,7 @@ class Cracks:
         growth: tip radius, speed and length over time.
     """
 
+    faint: CrackMap
     map: CrackMap
     through: CrackMap
     radial_time: float
@@ -246,9 +250,11 @@ def measure(
     ring, coverage, points = circular_crack(through, radial_time)
     if radial_time is None:
         radial_time = float(np.append(bars.time_s, [] if time is None else time).max(initial=0.0))
-    radial = radial_cracks(at, radial_time)
+    faint = crack_map(bars, plate, axis, FAINT_SHARE)
+    radial = radial_cracks(at, faint, radial_time)
     time = np.unique(bars.time_s) if time is None else time
     return Cracks(
+        faint,
         at,
         through,
         radial_time,
@@ -289,13 +295,18 @@ def crack_map(
     return CrackMap(arrival, spacing, plate.size[2], np.asarray(axis, dtype=float))
 
 
-def radial_cracks(at: CrackMap, time: float) -> tuple[RadialCrack, ...]:
+def radial_cracks(at: CrackMap, faint: CrackMap, time: float) -> tuple[RadialCrack, ...]:
     """The radial cracks at a time, the furthest tip first.
 
     Tips are taken from the furthest to the nearest. The way of each along the skeleton to the core
     is a radial crack of its own unless more than half of it is another's already (a fork), it is
     shorter than the plate's thickness or than half of the longest (a spur), or it winds so that
-    its tip is less than half of its length further out than its root.
+    its tip is less than half of its length further out than its root. Then its tip is followed
+    straight on to where the crack ends on the tension side.
+
+    Args:
+        at: the map that tells cracks apart. faint: the map in which their tips are followed.
+        time: s.
     """
     mask, core = _connected(at, time)
     radius = at.radius()
@@ -310,12 +321,34 @@ def radial_cracks(at: CrackMap, time: float) -> tuple[RadialCrack, ...]:
             claimed[tuple(way.T)] = True
             found.append((total, way[::-1]))
     longest = max((total for total, _ in found), default=0.0)
-    earliest = _earliest(at.arrival)
+    earliest = _earliest(faint.arrival)
+    begun = closed(faint.arrival <= time)
+    whole = [_followed(way, begun, radius) for n, way in found if n >= SHORTEST_SHARE * longest]
+    whole.sort(key=lambda way: -float(radius[tuple(way[-1])]))
     return tuple(
-        RadialCrack(at.points(way[-1]), at.points(way), earliest[tuple(way.T)])
-        for total, way in found
-        if total >= SHORTEST_SHARE * longest
+        RadialCrack(at.points(way[-1]), at.points(way), earliest[tuple(way.T)]) for way in whole
     )
+
+
+def _followed(way: NDArray[np.int64], begun: Mask, radius: Array) -> NDArray[np.int64]:
+    """A way (core first), continued to the furthest pixel that hangs together with its tip.
+
+    Only pixels within 30 degrees of its last ten pixels' direction belong to it.
+    """
+    from scipy import ndimage
+    from skimage.draw import line
+
+    tip, back = way[-1], way[-min(len(way), 11)]
+    ahead = np.argwhere(begun) - tip
+    along = ahead @ (tip - back) / max(math.dist(tip, back), 1.0)
+    near = np.zeros_like(begun)
+    chosen = along >= math.cos(math.radians(30)) * np.linalg.norm(ahead, axis=1)
+    near[tuple((tip + ahead[chosen]).T)] = True
+    near[tuple(tip)] = True
+    parts, _ = ndimage.label(near, np.ones((3, 3)))
+    reach = np.where(parts == parts[tuple(tip)], radius, -1.0)
+    end = np.unravel_index(int(np.argmax(reach)), reach.shape)
+    return np.vstack([way, np.column_stack(line(*tip, *end))[1:]])
 
 
 def circular_crack(at: CrackMap, after: float | None) -> tuple[Circle | None, float, Array]:

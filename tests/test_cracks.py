@@ -301,25 +301,26 @@ def test_any_broken_bars_can_be_measured() -> None:
 # --- a real run -----------------------------------------------------------------------------------
 
 
-def stored_quick_run() -> tuple[BrokenBars, Plate]:
-    """Broken bars of `ldem impact configs/impact_quick.toml` (f64), all 5594."""
-    plate = Plate(size=(0.0464, 0.0464, 0.0016), modules_through_thickness=3)
-    with np.load(DATA / "impact_quick_broken.npz") as file:
+def stored(name: str, plate: Plate) -> BrokenBars:
+    """All broken bars of a run."""
+    with np.load(DATA / f"{name}.npz") as file:
         time = 1e-5 * file["time_10us"]
         place = 0.25 * plate.spacing * file["position_quarter_modules"]
-        return BrokenBars(time, place, file["bar"]), plate
+        return BrokenBars(time, place, file["bar"])
 
 
 def test_a_real_run_counted_by_hand() -> None:
-    """Answers read off a picture of the depth of broken in-plane bars, by eye and ruler.
+    """`ldem impact configs/impact_quick.toml`, f64: 5594 bars.
+
+    Answers read off a picture of the depth of broken in-plane bars, by eye and ruler.
 
     At 2.6 ms: six radial cracks, with tips at (-4.8, 10.1), (10.1, 4.8), (10.7, -1.6),
     (-4.8, -10.1), (-8.5, 0.5), (1.1, -8.0) mm. At the end: a circular crack from (-5, -7) over
     (-8, 0), (-5, 8), (0, 5.5), (5, 4.5) to (6, -1) mm, about 14 mm across, open at the bottom.
     2.63 ms is the largest strain energy of its history.
     """
-    bars, plate = stored_quick_run()
-    cracks = measure(bars, plate, radial_time=2.63e-3)
+    plate = Plate(size=(0.0464, 0.0464, 0.0016), modules_through_thickness=3)
+    cracks = measure(stored("impact_quick_broken", plate), plate, radial_time=2.63e-3)
     by_eye = 1e-3 * np.array(
         [(-4.8, 10.1), (10.1, 4.8), (10.7, -1.6), (-4.8, -10.1), (-8.5, 0.5), (1.1, -8.0)]
     )
@@ -331,6 +332,29 @@ def test_a_real_run_counted_by_hand() -> None:
     assert 0.5 <= cracks.circular_coverage <= 0.75
     # tip of the longest: 4 mm at 0.85 ms, 10 mm at 2.0 ms, read off maps at those times
     assert cracks.mean_speed == pytest.approx(6e-3 / 1.15e-3, rel=0.25)
+
+
+def test_a_run_at_full_width_counted_by_hand() -> None:
+    """`ldem impact configs/impact.toml` with five modules, safety 0.7, to 8.5 ms: 20 806 bars.
+
+    By eye on its crack_map.png (share of all broken bars, at the end): two long cracks to the
+    sides, two upwards, two downwards, mirror images of each other (the striker over the middle of
+    a module); tips at (+-25, -1), (+-4.5, 23), (+-2, -23) mm, so d_r about 47 mm. No circular crack
+    joins them; a disc of 13 mm is punched out by the striker. 6.77 ms is the largest strain
+    energy of its history.
+    """
+    plate = Plate(size=(0.0928, 0.0928, 0.0032), modules_through_thickness=5)
+    bars = stored("impact_five_modules_broken", plate)
+    cracks = measure(bars, plate, radial_time=6.77e-3)
+    by_eye = 1e-3 * np.array(
+        [(x * s, y) for x, y in ((25, -1), (4.5, 23), (2, -23)) for s in (1, -1)]
+    )
+    # the map by eye is that of the end, 1.7 ms later
+    assert_tips(cracks, by_eye, 4 * plate.spacing)
+    assert cracks.radial_circle is not None
+    assert cracks.radial_circle.diameter == pytest.approx(47e-3, rel=0.05)
+    assert abs(cracks.radial_circle.x) < 1e-4  # mirror images
+    assert cracks.circular_circle is None
 
 
 def test_a_run_folder_is_measured(tmp_path: Path) -> None:
