@@ -56,7 +56,7 @@ def growth(figure: Figure, cracks: Cracks, area: np.ndarray[Any, Any]) -> tuple[
             time[known], fitted, "--", color="0.4", lw=1.2, label=f"straight line: {mean:.1f} m/s"
         )
     upper.axvline(_MS * cracks.radial_time, color="C0", linestyle=":", label="map of radial cracks")
-    upper.legend(loc="lower right", fontsize=12)
+    upper.legend(loc="upper left", fontsize=12)
     upper.set_ylabel("distance from the\nstriker's axis [mm]")
     middle.plot(time, grown.tip_speed, color=_RADIAL, linewidth=1.2)
     middle.set_ylabel("speed of that tip\nover 0.2 ms [m/s]")

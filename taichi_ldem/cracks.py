@@ -41,7 +41,8 @@ FAINT_SHARE = 1 / 6
 DEPTH_SHARE = 1 / 3
 THROUGH_SHARE = 2 / 3
 OWN_SHARE = 0.5
-SHORTEST_SHARE = 0.5
+SPUR_SHARE = 0.25
+SHORT_SHARE = 0.5
 STRAIGHTNESS = 0.5
 RING_BAND = 0.25
 RING_COVERAGE = 0.5
@@ -299,10 +300,11 @@ def radial_cracks(at: CrackMap, faint: CrackMap, time: float) -> tuple[RadialCra
     """The radial cracks at a time, the furthest tip first.
 
     Tips are taken from the furthest to the nearest. The way of each along the skeleton to the core
-    is a radial crack of its own unless more than half of it is another's already (a fork), it is
-    shorter than the plate's thickness or than half of the longest (a spur), or it winds so that
-    its tip is less than half of its length further out than its root. Then its tip is followed
-    straight on to where the crack ends on the tension side.
+    is a radial crack of its own unless more than half of it is another's already (a fork), what is
+    its own is shorter than the plate's thickness or than a quarter of the longest crack (a spur),
+    its tip is less than half as far out as the furthest, or it winds so that its tip is less than
+    half of its length further out than its root. Then its tip is followed straight on to where
+    the crack ends on the tension side.
 
     Args:
         at: the map that tells cracks apart. faint: the map in which their tips are followed.
@@ -319,11 +321,16 @@ def radial_cracks(at: CrackMap, faint: CrackMap, time: float) -> tuple[RadialCra
         straight = radius[tuple(way[0])] - radius[tuple(way[-1])] >= STRAIGHTNESS * total
         if own >= max(at.thickness, OWN_SHARE * total) and straight:
             claimed[tuple(way.T)] = True
-            found.append((total, way[::-1]))
-    longest = max((total for total, _ in found), default=0.0)
+            found.append((own, way[::-1]))
+    longest = SPUR_SHARE * max((way_length(way) * at.spacing for _, way in found), default=0.0)
+    furthest = SHORT_SHARE * max((radius[tuple(way[-1])] for _, way in found), default=0.0)
     earliest = _earliest(faint.arrival)
     begun = closed(faint.arrival <= time)
-    whole = [_followed(way, begun, radius) for n, way in found if n >= SHORTEST_SHARE * longest]
+    whole = [
+        _followed(way, begun, radius)
+        for own, way in found
+        if own >= longest and radius[tuple(way[-1])] >= furthest
+    ]
     whole.sort(key=lambda way: -float(radius[tuple(way[-1])]))
     return tuple(
         RadialCrack(at.points(way[-1]), at.points(way), earliest[tuple(way.T)]) for way in whole

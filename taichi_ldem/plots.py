@@ -418,6 +418,6 @@ _FIGURES: tuple[tuple[str, tuple[float, float], _Needs, _Draw], ...] = (
     ("energy", (9.0, 7.0), _has("energy_error"), _draw_energy),
     ("stress_strain", (9.0, 6.4), _has_section, _draw_stress_strain),
     ("crack_map", (9.0, 7.8), _has_cracks, _draw_crack_map),
-    ("cracks", (15.0, 9.8), _has_measured_cracks, _draw_cracks),
+    ("cracks", (15.0, 10.0), _has_measured_cracks, _draw_cracks),
     ("crack_growth", (9.0, 8.0), _has_growth, _draw_crack_growth),
 )
