@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -17,12 +18,14 @@ from numpy.typing import NDArray
 
 from taichi_ldem.lattice import dumbbell_half_width
 from taichi_ldem.scene import Plate, Scene, load_scene
-from taichi_ldem.signals import SMOOTHING_WINDOW, smooth_force
+from taichi_ldem.signals import SMOOTHING_WINDOW, low_pass, smooth_force
 from taichi_ldem.store import RunFolder, read_broken_bars, read_fields, read_times
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from taichi_ldem.cracks import Cracks
 
 Series = NDArray[np.float64]
 
@@ -67,6 +70,13 @@ class _Run:
         has = (*plate.size, striker.diameter, striker.mass, striker.velocity)
         test = (92.8e-3, 92.8e-3, 3.2e-3, 12.7e-3, 18.49, 1.065)
         return all(math.isclose(a, b, rel_tol=1e-6) for a, b in zip(has, test, strict=True))
+
+    @cached_property
+    def cracks(self) -> Cracks | None:
+        """Its cracks, measured; None where no bar broke."""
+        from taichi_ldem.cracks import measure_run
+
+        return measure_run(self.folder)
 
     def number(self, key: str) -> float | None:
         """A number of the summary, None where the run has none."""
@@ -129,6 +139,14 @@ def _of_pulse(name: str) -> _Draw:
     return draw
 
 
+def _has_measured_cracks(run: _Run) -> bool:
+    return run.scene.scenario == "impact" and run.cracks is not None
+
+
+def _has_growth(run: _Run) -> bool:
+    return len(run.history["time_s"]) > 1 and _has_measured_cracks(run)
+
+
 def _draw_force(figure: Figure, run: _Run) -> None:
     axes = figure.add_subplot(xlabel="time [ms]", ylabel="force [N]")
     time, force = run.history["time_s"], run.history["striker_force_n"]
@@ -136,6 +154,10 @@ def _draw_force(figure: Figure, run: _Run) -> None:
     average = f"mean over {_MS * SMOOTHING_WINDOW:g} ms"
     axes.plot(run.time_ms, force, color="0.75", linewidth=0.6, label="striker, as sampled")
     axes.plot(run.time_ms, smooth, color="C0", linewidth=2.4, label=f"striker, {average}")
+    for number, cutoff in enumerate(run.scene.output.filter_frequencies):
+        filtered = low_pass(time, force, cutoff, run.number("first_peak_time_s"))
+        label = f"striker, low-pass at {cutoff / 1e3:g} kHz after $t_1$"
+        axes.plot(run.time_ms, filtered, f"C{(1, 4, 5, 6)[number % 4]}", linewidth=2.0, label=label)
     lowest = min(0.0, force.min())
     if "ring_force_n" in run.history:
         ring = smooth_force(time, run.history["ring_force_n"])
@@ -306,6 +328,25 @@ def _columns(run: _Run, modules: tuple[int, int], half: tuple[float, float]) -> 
     return np.asarray(np.histogram2d(x, y, bins=modules, range=limits)[0] > 0)
 
 
+def _draw_cracks(figure: Figure, run: _Run) -> None:
+    from taichi_ldem.crack_plots import overlay
+
+    assert run.cracks is not None
+    overlay(figure, run.cracks)
+
+
+def _draw_crack_growth(figure: Figure, run: _Run) -> None:
+    from taichi_ldem.crack_plots import growth
+    from taichi_ldem.cracks import broken_area
+
+    assert run.cracks is not None
+    bars = read_broken_bars(run.folder.fields_file)
+    area = broken_area(bars, run.scene, run.history["time_s"])
+    for axes in growth(figure, run.cracks, area):
+        axes.set_xlim(0.0, float(run.time_ms[-1]))
+        _mark_times(axes, run)
+
+
 def _broken_share(
     position: Series, modules: tuple[int, int], half: tuple[float, float]
 ) -> NDArray[np.float64]:
@@ -393,4 +434,6 @@ _FIGURES: tuple[tuple[str, tuple[float, float], _Needs, _Draw], ...] = (
     ("pulse", (9.0, 9.0), _has_pulse, _of_pulse("pulse")),
     ("dispersion", (9.0, 7.0), _has_pulse, _of_pulse("dispersion")),
     ("anisotropy", (12.0, 9.0), _has_pulse, _of_pulse("anisotropy")),
+    ("cracks", (15.0, 10.0), _has_measured_cracks, _draw_cracks),
+    ("crack_growth", (9.0, 8.0), _has_growth, _draw_crack_growth),
 )

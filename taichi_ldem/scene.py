@@ -384,6 +384,9 @@ class Output(_Table):
         " default: a tenth of the duration, not below history_interval",
     )
     image_times: tuple[NonNegative, ...] = Field(default=(), description="of the snapshots, s")
+    filter_frequencies: tuple[Positive, ...] = Field(
+        default=(), description="cut-offs of the low-pass filtered force in the force figure, Hz"
+    )
 
 
 class Notch(_Table):
@@ -553,6 +556,11 @@ class Scene(_Table):
         if output.field_interval and output.field_interval < output.history_interval:
             why = f"must be at least output.history_interval = {output.history_interval!r}, or 0"
             raise _refuse("output.field_interval", output.field_interval, why)
+        nyquist = 0.5 / output.history_interval
+        for cutoff in output.filter_frequencies:
+            if cutoff >= nyquist:
+                why = f"must be below {nyquist:.6g}, half of 1 / output.history_interval"
+                raise _refuse("output.filter_frequencies", cutoff, why)
         for time in output.image_times:
             if time > end:
                 why = f"must lie between 0 and solver.duration = {end!r}"

@@ -10,8 +10,18 @@ not).
   falls by 3 % before it exceeds that maximum again.
 - Second peak (P2): the largest smoothed force after the minimum that follows the first peak.
 - Failure time (t2): the first time after P2 from which the smoothed force stays below half of P2.
+
+The paper advises to read t2 off records without oscillations (text on Figs. 13 and 14):
+
+- t2 from the strain energy: the time of its largest value, where it falls below half of it later.
+- t2 from the velocity: where the striker's deceleration, by the change of velocity over 0.2 ms,
+  falls most, if less than half of it is left from 0.2 ms later on to the end of the record.
+
+Filtered force (Fig. 11(a)): low-pass at a free-oscillation frequency of the specimen, for t > t1.
+ASTM D3763: load and deflection at the largest load, energy to it, and total energy.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +31,7 @@ SMOOTHING_WINDOW = 0.2e-3
 ONSET_SHARE = 1e-3
 PEAK_DROP = 0.03
 FAILURE_SHARE = 0.5
+FILTER_ORDER = 2
 
 Array = npt.NDArray[np.float64]
 
@@ -34,6 +45,24 @@ class ForcePeaks:
     second_force: float | None = None
     second_time: float | None = None
     failure_time: float | None = None
+
+
+@dataclass(frozen=True)
+class Puncture:
+    """Quantities of ASTM D3763; None where the striker never pressed.
+
+    Attributes:
+        peak_load: largest smoothed force (see the module), N. peak_time: its time, s.
+        peak_deflection: way of the striker from the start to that time, m.
+        peak_energy: work of the force on the plate to that time, J.
+        total_energy: to the end of the record, J.
+    """
+
+    peak_load: float | None = None
+    peak_time: float | None = None
+    peak_deflection: float | None = None
+    peak_energy: float | None = None
+    total_energy: float | None = None
 
 
 def smooth_force(time: Array, force: Array, window: float = SMOOTHING_WINDOW) -> Array:
@@ -110,3 +139,90 @@ def _failure(time: Array, smooth: Array, peak: int) -> float | None:
     high = np.flatnonzero(smooth[peak:] >= FAILURE_SHARE * smooth[peak])
     last = peak + int(high[-1])
     return float(time[last + 1]) if last + 1 < len(time) else None
+
+
+def energy_failure(time: Array, strain: Array) -> float | None:
+    """Failure time t2 from the strain energy, s (see the module), or None.
+
+    Args:
+        time: (n,) s. strain: (n,) strain energy, J.
+    """
+    if not len(strain):
+        return None
+    peak = int(np.argmax(strain))
+    return float(time[peak]) if strain[peak:].min() < FAILURE_SHARE * strain[peak] else None
+
+
+def velocity_failure(time: Array, velocity: Array, onset: float | None) -> float | None:
+    """Failure time t2 from the striker's velocity, s (see the module), or None.
+
+    Args:
+        time: (n,) s, evenly spaced. velocity: (n,) m/s, positive towards the plate. onset: damage
+            onset, s; without it, no failure.
+    """
+    if onset is None or len(time) < 3:
+        return None
+    step = float(time[1] - time[0])
+    width = max(1, round(SMOOTHING_WINDOW / step))
+    # near the end of the record half of the window is enough to tell
+    index = np.arange(max(width, int(np.searchsorted(time, onset))), len(time) - (width + 1) // 2)
+    if not len(index):
+        return None
+    after = np.minimum(index + width, len(time) - 1)
+    before = (velocity[index - width] - velocity[index]) / (width * step)
+    later = (velocity[index] - velocity[after]) / (time[after] - time[index])
+    kink = int(np.argmax(before - later))
+    # failure takes up to half a millisecond: what counts is what is left of it in the end
+    start = min(int(index[kink]) + width, len(time) - 1 - (width + 1) // 2)
+    left = (velocity[start] - velocity[-1]) / (time[-1] - time[start])
+    if before[kink] <= 0 or left >= FAILURE_SHARE * before[kink]:
+        return None
+    return float(time[index[kink]])
+
+
+def low_pass(time: Array, force: Array, cutoff: float, start: float | None) -> Array:
+    """Force after zero-phase Butterworth filtering from a time on, as in Fig. 11(a).
+
+    Second order, forwards and backwards: the gain is 1/2 at the cut-off and 1/(1 + (f/cutoff)^4)
+    up to the bilinear transform's warping.
+
+    Args:
+        time: (n,) s, evenly spaced. force: (n,) N. cutoff: Hz, below half of the sampling
+            frequency. start: t1, s; None: the whole record.
+
+    Returns:
+        (n,) N; NaN before ``start``, and everywhere if fewer than ten samples follow it.
+    """
+    from scipy.signal import butter, sosfiltfilt
+
+    filtered = np.full(len(force), np.nan)
+    begin = 0 if start is None else int(np.searchsorted(time, start))
+    if len(force) - begin < 10:
+        return filtered
+    rate = 1 / float(time[1] - time[0])
+    sections = butter(FILTER_ORDER, cutoff, fs=rate, output="sos")
+    # the record is mirrored for three periods at either end, so that the filter's start is over
+    mirrored = min(len(force) - begin - 1, math.ceil(3 * rate / cutoff))
+    filtered[begin:] = sosfiltfilt(sections, force[begin:], padlen=mirrored)
+    return filtered
+
+
+def puncture(time: Array, force: Array, displacement: Array) -> Puncture:
+    """Quantities of ASTM D3763.
+
+    Args:
+        time: (n,) s, evenly spaced. force: (n,) N, each the mean since the sample before.
+        displacement: (n,) of the striker towards the plate, m.
+    """
+    if not np.any(force):
+        return Puncture()
+    work = np.append(0.0, np.cumsum(force[1:] * np.diff(displacement)))
+    smooth = smooth_force(time, force)
+    peak = int(np.argmax(smooth))
+    return Puncture(
+        float(smooth[peak]),
+        float(time[peak]),
+        float(displacement[peak]),
+        float(work[peak]),
+        float(work[-1]),
+    )

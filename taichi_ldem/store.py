@@ -32,7 +32,7 @@ IntArray = NDArray[np.integer[Any]]
 # What a run and its pictures leave in the folder: all that `--force` may remove.
 _OWN_FILES = re.compile(
     r"scene\.toml|history\.csv|fields\.vtkhdf|summary\.json|summary\.json\.tmp"
-    r"|(force|velocity|energy|stress_strain|crack_map)\.png"
+    r"|(force|velocity|energy|stress_strain|crack_map|cracks|crack_growth)\.png"
     r"|(pulse|dispersion|anisotropy)\.png|(probes|profiles)\.csv"
     r"|crack_[0-9.]+ms_(below|above|cut)\.png"
 )

@@ -104,6 +104,11 @@ BAD = {
     "image_after_the_end": Bad(
         STEP, f"{STEP}\n[output]\nimage_times = [1.0]", "must lie between 0 and solver.duration"
     ),
+    "filter_above_half_of_the_sampling_rate": Bad(
+        STEP,
+        f"{STEP}\n[output]\nhistory_interval = 1e-4\nfilter_frequencies = [1e3, 5e3]",
+        "output.filter_frequencies = 5000.0: must be below 5000",
+    ),
     "too_many_frames": Bad(
         STEP,
         f"{STEP}\n[output]\nfield_interval = 1e-9",

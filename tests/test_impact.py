@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taichi_ldem.cracks import measure_run
 from taichi_ldem.store import RunFolder, read_broken_bars, read_fields
 
 SCENE = """
@@ -96,6 +97,20 @@ def test_run_folder_holds_a_whole_run(finished: RunFolder) -> None:
     # Newton's second law for the striker, from the impulses of the history alone
     impulse = np.cumsum(history["striker_force_n"] * 1e-6)[-1]
     assert 0.01 * (8.0 - summary["striker_velocity_end_m_s"]) == pytest.approx(impulse, rel=1e-2)
+
+
+def test_cracks_and_work_are_in_the_summary(finished: RunFolder) -> None:
+    history, summary = finished.read_history(), finished.read_summary()
+    cracks = measure_run(finished)
+    assert cracks is not None
+    for key, value in cracks.summary().items():
+        assert summary[key] == value or summary[key] == pytest.approx(value), key
+    assert (finished.path / "cracks.png").stat().st_size > 0
+    # the work of the force is what the striker has lost
+    lost = history["kinetic_striker_j"][0] - history["kinetic_striker_j"][-1]
+    assert summary["total_energy_j"] == pytest.approx(lost, rel=0.01)
+    assert 0 < summary["energy_at_peak_load_j"] <= summary["total_energy_j"]
+    assert summary["deflection_at_peak_load_m"] <= history["striker_displacement_m"][-1]
 
 
 def test_fields_agree_with_the_history(finished: RunFolder) -> None:

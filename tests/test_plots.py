@@ -9,7 +9,14 @@ from synthetic import COLUMNS, synthetic_run
 from taichi_ldem.plots import plot_run
 from taichi_ldem.store import FieldWriter, RunFolder, hexahedral_mesh
 
-ALL = ["force.png", "velocity.png", "energy.png", "crack_map.png"]
+ALL = [
+    "force.png",
+    "velocity.png",
+    "energy.png",
+    "crack_map.png",
+    "cracks.png",
+    "crack_growth.png",
+]
 
 
 @pytest.fixture
@@ -43,7 +50,7 @@ def replace_in_scene(run: RunFolder, old: str, new: str) -> None:
     run.write_scene(text.replace(old, new))
 
 
-def test_four_pictures_wide_enough_and_not_empty(run):
+def test_pictures_wide_enough_and_not_empty(run):
     written = plot_run(run)
     assert [path.name for path in written] == ALL
     for path in written:
@@ -117,7 +124,7 @@ def test_a_run_without_striker_has_neither_force_nor_velocity(run, figures):
     keep_columns(run, [c for c in COLUMNS if "striker" not in c and "ring" not in c])
     replace_in_scene(run, run.scene_file.read_text().split("[striker]")[1].split("[clamp]")[0], "")
     replace_in_scene(run, "[striker]", "")
-    assert [path.name for path in plot_run(run)] == ["energy.png", "crack_map.png"]
+    assert [path.name for path in plot_run(run)] == ALL[2:]
 
 
 def test_without_damage_there_is_no_crack_map(run, figures):
@@ -128,7 +135,46 @@ def test_without_damage_there_is_no_crack_map(run, figures):
 def test_a_run_that_has_hardly_begun_gives_what_there_is(run, figures):
     run.history_file.write_text(",".join(COLUMNS) + "\n")
     run.summary_file.unlink()
-    assert [path.name for path in plot_run(run)] == ["crack_map.png"]
+    assert [path.name for path in plot_run(run)] == ["crack_map.png", "cracks.png"]
+
+
+def test_force_is_shown_filtered_where_the_scene_asks(run, figures):
+    replace_in_scene(run, "[output]", "[output]\nfilter_frequencies = [1460.0, 3040.0]")
+    plot_run(run)
+    lines = {str(line.get_label()): line.get_ydata() for line in figures["force.png"].axes[0].lines}
+    history = run.read_history()
+    np.testing.assert_array_equal(lines["striker, as sampled"], history["striker_force_n"])
+    t1 = run.read_summary()["first_peak_time_s"]
+    for cutoff in (1.46, 3.04):
+        filtered = lines[f"striker, low-pass at {cutoff:g} kHz after $t_1$"]
+        assert np.isnan(filtered[history["time_s"] < t1]).all()
+        steady = (history["time_s"] > 2.5e-3) & (history["time_s"] < 6.5e-3)
+        trend = 600.0 + 20e3 * (history["time_s"] - 1.75e-3)  # synthetic_run's force without noise
+        # white noise of 40 N keeps a share of about cutoff / 25 kHz (half the sampling rate)
+        noise = (filtered - trend)[steady].std()
+        assert noise == pytest.approx(40.0 * np.sqrt(cutoff / 25.0), rel=0.4)
+
+
+def test_overlay_numbers_the_tips_and_draws_the_circle(run, figures):
+    plot_run(run)
+    left, right = figures["cracks.png"].axes
+    # synthetic_run: five radial cracks; its ring is not cracked through
+    assert left.get_title() == "5 radial cracks at 7.48 ms, from below"
+    assert [text.get_text() for text in left.texts] == ["1", "2", "3", "4", "5"]
+    labels = [text.get_text() for text in left.get_legend().get_texts()]
+    assert any(label.startswith("$d_r$ = ") for label in labels)
+    assert right.get_title() == "no circular crack at the end, from below"
+    for axes in (left, right):
+        assert axes.get_xlim()[0] > axes.get_xlim()[1]  # from below
+
+
+def test_growth_marks_the_times(run, figures):
+    plot_run(run)
+    for mark in ("onset", "$t_1$", "$t_2$"):
+        assert mark in texts(figures["crack_growth.png"]).split(" | ")
+    upper, _, lower, _ = figures["crack_growth.png"].axes
+    assert upper.lines[0].get_label() == "furthest radial tip"
+    assert np.all(np.diff(lower.lines[0].get_ydata()) >= 0)
 
 
 def test_crack_map_shows_each_bar_at_its_place_seen_from_below(run, figures):

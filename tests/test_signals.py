@@ -1,7 +1,17 @@
 import numpy as np
 import pytest
 
-from taichi_ldem.signals import ForcePeaks, damage_onset, force_peaks, smooth_force
+from taichi_ldem.signals import (
+    ForcePeaks,
+    Puncture,
+    damage_onset,
+    energy_failure,
+    force_peaks,
+    low_pass,
+    puncture,
+    smooth_force,
+    velocity_failure,
+)
 
 TIME = np.arange(0.0, 10e-3, 1e-5)  # s, the default sampling
 ONSET = 1.0e-3
@@ -82,3 +92,64 @@ def test_what_a_record_does_not_show_is_none() -> None:
 def test_a_force_that_comes_back_has_not_failed() -> None:
     back = _record(*TWO_PEAKS[:-1], (7.5, 100), (8, 500), (8.5, 500), (8.6, 20), (10, 20))
     assert force_peaks(TIME, back, ONSET).failure_time == pytest.approx(8.55e-3, abs=5e-5)
+
+
+@pytest.mark.parametrize("frequency", [300.0, 1460.0, 3000.0, 8000.0])
+def test_the_low_pass_has_butterworths_gain_and_no_delay(frequency: float) -> None:
+    time = np.arange(0.0, 40e-3, 1e-5)
+    cutoff = 1460.0
+    wave = np.sin(2 * np.pi * frequency * time)
+    filtered = low_pass(time, wave, cutoff, None)
+    # |H|^2 of the second order after the bilinear transform, once for each direction
+    warped = np.tan(np.pi * frequency * 1e-5) / np.tan(np.pi * cutoff * 1e-5)
+    inner = (time > 10e-3) & (time < 30e-3)
+    np.testing.assert_allclose(filtered[inner], wave[inner] / (1 + warped**4), atol=1e-6)
+
+
+def test_the_low_pass_begins_at_t1_and_keeps_lines() -> None:
+    line = 300.0 + 2e5 * TIME
+    filtered = low_pass(TIME, line, 1460.0, 1.75e-3)
+    assert np.isnan(filtered[TIME < 1.7499e-3]).all()
+    np.testing.assert_allclose(filtered[TIME >= 1.7499e-3], line[TIME >= 1.7499e-3], rtol=1e-6)
+    assert np.isnan(low_pass(TIME, line, 1460.0, TIME[-5])).all()
+
+
+def test_failure_by_energy_is_the_largest_strain_energy_if_it_is_lost() -> None:
+    strain = np.where(TIME < 7e-3, 1e6 * TIME**2, 5.0)
+    assert energy_failure(TIME, strain) == pytest.approx(6.99e-3, abs=1e-9)
+    assert energy_failure(TIME, 1e6 * TIME**2) is None  # never lost
+    assert energy_failure(TIME, 0 * TIME) is None
+    assert energy_failure(TIME[:0], TIME[:0]) is None
+
+
+def test_failure_by_velocity_is_where_the_deceleration_ends() -> None:
+    """600 N with 200 N of oscillation at 1.46 kHz on 18.49 kg, gone at 7.5 ms."""
+    force = 600.0 + 200.0 * np.sin(2 * np.pi * 1460.0 * TIME)
+    for gravity in (0.0, 9.81):
+        pull = np.where(TIME < 7.5e-3, force / 18.49, 0.0) - gravity
+        velocity = 1.065 - np.append(0.0, np.cumsum(pull[:-1] * 1e-5))
+        assert velocity_failure(TIME, velocity, ONSET) == pytest.approx(7.5e-3, abs=5e-5)
+        # a record that ends a tenth of a millisecond later still shows it
+        short = TIME < 7.61e-3
+        assert velocity_failure(TIME[short], velocity[short], ONSET) == pytest.approx(
+            7.5e-3, abs=5e-5
+        )
+        assert velocity_failure(TIME, velocity, None) is None
+    steady = 1.065 - 600.0 / 18.49 * TIME
+    assert velocity_failure(TIME, steady, ONSET) is None
+
+
+def test_puncture_of_a_spring_that_breaks() -> None:
+    """F = k s up to 4 mm at 1 m/s, then nothing: the energy is k s^2 / 2."""
+    stiffness, way = 200e3, 1.0 * TIME
+    # the history's force is the mean since the last sample
+    middle = way - 0.5e-5
+    force = np.where((way > 0) & (way <= 4e-3 + 1e-9), stiffness * middle, 0.0)
+    found = puncture(TIME, force, way)
+    # the average over 0.2 ms is largest 0.1 ms before the end: 780 N
+    assert found.peak_load == pytest.approx(stiffness * 3.9e-3, rel=0.01)
+    assert found.peak_time == pytest.approx(3.9e-3, abs=2e-5)
+    assert found.peak_deflection == pytest.approx(3.9e-3, abs=2e-5)
+    assert found.peak_energy == pytest.approx(stiffness * 3.9e-3**2 / 2, rel=0.01)
+    assert found.total_energy == pytest.approx(stiffness * 4e-3**2 / 2, rel=1e-6)
+    assert puncture(TIME, 0 * force, way) == Puncture()

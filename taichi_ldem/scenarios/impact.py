@@ -1,13 +1,16 @@
 """The falling-weight test: its numbers (Sections 3.1 and 5.2 of the paper)."""
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from taichi_ldem import signals
 from taichi_ldem.scenarios import runner
 from taichi_ldem.scene import Scene
+from taichi_ldem.store import RunFolder
 
 if TYPE_CHECKING:
     from taichi_ldem.simulation import Simulation
@@ -15,21 +18,26 @@ if TYPE_CHECKING:
 
 def run(scene: Scene, out: Path, *, force: bool = False, quiet: bool = False) -> int:
     """Run a falling-weight test into a folder; exit codes and errors are ``runner.run``'s."""
-    return runner.run(scene, out, summary, force=force, quiet=quiet)
+    return runner.run(scene, out, partial(summary, RunFolder(out)), force=force, quiet=quiet)
 
 
-def summary(simulation: "Simulation", history: runner.History) -> dict[str, Any]:
-    """Onset, peaks, failure and velocity of a finished run (definitions: ``signals``)."""
+def summary(folder: RunFolder, simulation: "Simulation", history: runner.History) -> dict[str, Any]:
+    """Onset, peaks, failure and cracks of a finished run (definitions: ``signals``, ``cracks``)."""
     scene, last = simulation.scene, history[-1]
-    time_s = np.array([r["time_s"] for r in history])
-    onset, peaks = None, signals.ForcePeaks()
+    time_s = _column(history, "time_s")
+    onset, peaks, load, failure = None, signals.ForcePeaks(), signals.Puncture(), None
     if scene.material.damage and scene.material.fracture_energy is not None:
-        fracture = np.array([r["fracture_j"] for r in history])
+        fracture = _column(history, "fracture_j")
         height = scene.plate.size[2]
         onset = signals.damage_onset(time_s, fracture, scene.material.fracture_energy, height)
         if scene.striker is not None:
-            force = np.array([r["striker_force_n"] for r in history], dtype=float)
+            force = _column(history, "striker_force_n")
             peaks = signals.force_peaks(time_s, force, onset)
+            velocity = _column(history, "striker_velocity_m_s")
+            failure = signals.velocity_failure(time_s, velocity, onset)
+    if scene.striker is not None:
+        way = _column(history, "striker_displacement_m")
+        load = signals.puncture(time_s, _column(history, "striker_force_n"), way)
     return {
         "damage_onset_time_s": onset,
         "first_peak_force_n": peaks.first_force,
@@ -37,7 +45,27 @@ def summary(simulation: "Simulation", history: runner.History) -> dict[str, Any]
         "second_peak_force_n": peaks.second_force,
         "second_peak_time_s": peaks.second_time,
         "failure_time_s": peaks.failure_time,
+        "failure_time_velocity_s": failure,
+        "failure_time_energy_s": signals.energy_failure(time_s, _column(history, "strain_j")),
+        "peak_load_n": load.peak_load,
+        "peak_load_time_s": load.peak_time,
+        "deflection_at_peak_load_m": load.peak_deflection,
+        "energy_at_peak_load_j": load.peak_energy,
+        "total_energy_j": load.total_energy,
         "striker_velocity_end_m_s": last["striker_velocity_m_s"],
         "contact_striker_j": simulation.contact_loss(simulation.striker),
         "contact_rings_j": simulation.contact_loss(simulation.rings),
+        **_measured(folder),
     }
+
+
+def _measured(folder: RunFolder) -> dict[str, Any]:
+    """The numbers of the cracks; the same keys without a crack."""
+    from taichi_ldem.cracks import NO_CRACKS, measure_run
+
+    cracks = measure_run(folder)
+    return NO_CRACKS if cracks is None else cracks.summary()
+
+
+def _column(history: runner.History, name: str) -> npt.NDArray[np.float64]:
+    return np.array([row[name] for row in history], dtype=float)

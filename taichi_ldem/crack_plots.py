@@ -1,0 +1,149 @@
+"""Pictures of measured cracks: what was counted and fitted, on the map, for a reader to judge."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taichi_ldem.cracks import Circle, CrackMap, Cracks
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_MS = 1e3
+_MM = 1e3
+_RADIAL, _CIRCULAR = "C3", "C0"
+
+
+def overlay(figure: Figure, cracks: Cracks) -> None:
+    """Radial cracks at t2 beside the circular crack at the end, both from below."""
+    left, right = figure.subplots(1, 2)
+    for axes, dark, pale, until in (
+        (left, cracks.map, cracks.faint, cracks.radial_time),
+        (right, cracks.through, cracks.map, math.inf),
+    ):
+        _draw_map(axes, dark, pale, until)
+        _zoom(axes, cracks)
+    _draw_radial(left, cracks)
+    _draw_circular(right, cracks)
+    for axes, depths in ((left, ("third", "sixth")), (right, ("two thirds", "third"))):
+        for shade, depth in zip((0.45, 0.82), depths, strict=True):
+            text = f"cracked to {'' if 'two' in depth else 'a '}{depth} of the thickness"
+            axes.plot([], [], "s", color=str(shade), markersize=9, label=text)
+    for axes in (left, right):
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.09), fontsize=12)
+
+
+def growth(figure: Figure, cracks: Cracks, area: np.ndarray[Any, Any]) -> tuple[Axes, Axes, Axes]:
+    """Radius and speed of the furthest tip, and broken area with the cracks' length, over time.
+
+    Args:
+        area: (n,) broken area at the times of ``cracks.growth``, m2.
+    """
+    upper, middle, lower = figure.subplots(3, 1, sharex=True)
+    grown = cracks.growth
+    time = _MS * grown.time
+    upper.plot(time, _MM * grown.tip_radius, color=_RADIAL, label="furthest radial tip")
+    mean = cracks.mean_speed
+    if mean is not None:
+        known = np.isfinite(grown.tip_radius)
+        line = np.polyfit(grown.time[known], grown.tip_radius[known], 1)
+        fitted = _MM * np.polyval(line, grown.time[known])
+        upper.plot(
+            time[known], fitted, "--", color="0.4", lw=1.2, label=f"straight line: {mean:.1f} m/s"
+        )
+    upper.axvline(_MS * cracks.radial_time, color="C0", linestyle=":", label="map of radial cracks")
+    upper.legend(loc="upper left", fontsize=12)
+    upper.set_ylabel("distance from the\nstriker's axis [mm]")
+    middle.plot(time, grown.tip_speed, color=_RADIAL, linewidth=1.2)
+    middle.set_ylabel("speed of that tip\nover 0.2 ms [m/s]")
+    lower.plot(time, _MM**2 * area, color="C4", label="broken area")
+    lower.set_ylabel("broken area [mm$^2$]")
+    lower.set_ylim(bottom=0.0)
+    beside = lower.twinx()
+    beside.grid(False)
+    beside.plot(time, _MM * grown.length, color="C2", linewidth=1.2, label="length of all cracks")
+    beside.set_ylabel("crack length [mm]")
+    beside.set_ylim(bottom=0.0)
+    lines = [*lower.lines, *beside.lines]
+    lower.legend(lines, [str(line.get_label()) for line in lines], loc="upper left", fontsize=12)
+    lower.set_xlabel("time [ms]")
+    return upper, middle, lower
+
+
+def _draw_map(axes: Axes, dark: CrackMap, pale: CrackMap, until: float) -> None:
+    """What is cracked at a time in grey, and what is less deeply cracked in pale grey."""
+    x, y = (_MM * 0.5 * n * dark.spacing for n in dark.arrival.shape)
+    shade = sum(np.isfinite(m.arrival) & (m.arrival <= until) for m in (dark, dark, pale))
+    axes.imshow(
+        np.asarray(shade).T,
+        extent=(-x, x, -y, y),
+        origin="lower",
+        cmap="Greys",
+        vmin=0.0,
+        vmax=6.0,
+        interpolation="nearest",
+    )
+    axes.grid(False)
+    axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
+    axes.plot(*(_MM * dark.axis), "k+", markersize=12, label="striker's axis")
+
+
+def _zoom(axes: Axes, cracks: Cracks) -> None:
+    """Both panels show the same square around all cracks, from below: x points to the left."""
+    radius = np.where(np.isfinite(cracks.map.arrival), cracks.map.radius(), 0.0).max()
+    circles = [c for c in (cracks.radial_circle, cracks.circular_circle) if c is not None]
+    reach = [math.dist((c.x, c.y), cracks.map.axis) + c.diameter / 2 for c in circles]
+    half = 1.15 * _MM * max(radius, 2 * cracks.map.thickness, *reach, 0.0)
+    x, y = _MM * cracks.map.axis
+    axes.set_xlim(x + half, x - half)
+    axes.set_ylim(y - half, y + half)
+
+
+def _draw_radial(axes: Axes, cracks: Cracks) -> None:
+    for number, crack in enumerate(cracks.radial, start=1):
+        axes.plot(*(_MM * crack.path.T), color=_RADIAL, linewidth=1.2)
+        axes.plot(*(_MM * crack.tip), "o", color=_RADIAL, markeredgecolor="white", markersize=9)
+        away = crack.tip - cracks.map.axis
+        # from below x points to the left, in the picture's points too
+        shift = 14 * away / np.linalg.norm(away) * (-1, 1)
+        axes.annotate(
+            str(number),
+            tuple(_MM * crack.tip),
+            tuple(shift),
+            textcoords="offset points",
+            ha="center",
+            va="center",
+            color=_RADIAL,
+            fontsize=14,
+        )
+    _draw_circle(axes, cracks.radial_circle, _RADIAL, "$d_r$")
+    axes.set_title(
+        f"{len(cracks.radial)} radial cracks at {_MS * cracks.radial_time:.2f} ms, from below"
+    )
+
+
+def _draw_circular(axes: Axes, cracks: Cracks) -> None:
+    points = _MM * cracks.circular_points.T
+    share = f"{100 * cracks.circular_coverage:.0f} % of the turn"
+    if points.size:
+        axes.plot(*points, ".", color=_CIRCULAR, markersize=5, label=f"parts around: {share}")
+    _draw_circle(axes, cracks.circular_circle, _CIRCULAR, "$d_c$")
+    known = cracks.circular_circle is not None
+    text = "circular crack at the end" if known else "no circular crack at the end"
+    axes.set_title(f"{text}, from below")
+
+
+def _draw_circle(axes: Axes, circle: Circle | None, color: str, name: str) -> None:
+    if circle is None:
+        return
+    angle = np.linspace(0.0, 2 * np.pi, 361)
+    x, y, radius = _MM * circle.x, _MM * circle.y, _MM * circle.diameter / 2
+    label = f"{name} = {2 * radius:.1f} mm, points within {_MM * circle.scatter:.1f} mm (rms)"
+    axes.plot(
+        x + radius * np.cos(angle), y + radius * np.sin(angle), "--", color=color, label=label
+    )
+    axes.plot(x, y, "x", color=color, markersize=9, label=f"its centre ({x:.1f}, {y:.1f}) mm")
