@@ -313,8 +313,7 @@ class Striker(RoundBody):
 
     @ti.func
     def from_axis(self, position, displacement):
-        """Vector to a point from the shaft's axis (a cylinder's: its plane) above the nose's centre.
-        """
+        """Vector to a point from the shaft's axis or mid-plane, at or above the nose's centre."""
         height = self.numbers[TIP] + self.numbers[RADIUS] - displacement
         centre = vec3d(self.numbers[AXIS_X], self.numbers[AXIS_Y], height)
         offset = position - centre

@@ -20,13 +20,18 @@ is what remains of the whole beam's compliance above the published one.
 """
 
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from taichi_ldem.lattice import BAR_VECTORS, BARS_PER_SITE, DIAGONAL, Lattice, bar_weights
 
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
 Array = npt.NDArray[np.float64]
+Nodes = npt.NDArray[np.int64]
 
 
 # -- published -------------------------------------------------------------------------------------
@@ -58,7 +63,7 @@ def added_by_notch(alpha: float, beta: float) -> float:
     """E B (C - C(0)) of a notch of a/W = alpha."""
     from scipy.integrate import quad
 
-    return float(quad(compliance_slope, 0.0, alpha, args=(beta,))[0])
+    return float(quad(lambda a: float(compliance_slope(a, beta)), 0.0, alpha)[0])
 
 
 def calibration(alpha: float, beta: float) -> float:
@@ -70,7 +75,7 @@ def calibration(alpha: float, beta: float) -> float:
 # -- of the lattice --------------------------------------------------------------------------------
 
 
-def bar_ends(lattice: Lattice, bar: int, present: npt.NDArray[np.bool_]) -> tuple[Array, Array]:
+def bar_ends(lattice: Lattice, bar: int, present: npt.NDArray[np.bool_]) -> tuple[Nodes, Nodes]:
     """Flat numbers over (2, *S) of both end nodes of one kind of bar at the sites ``present``."""
     site = np.argwhere(present)
     start, end = (0, 0) if bar < 3 else (1, 1) if bar < DIAGONAL.start else (1, 0)
@@ -78,16 +83,18 @@ def bar_ends(lattice: Lattice, bar: int, present: npt.NDArray[np.bool_]) -> tupl
     shape = (2, *lattice.sites)
     first = np.ravel_multi_index((np.full(len(site), start), *site.T), shape)
     there = site + np.rint(offset).astype(int)
-    return first, np.ravel_multi_index((np.full(len(site), end), *there.T), shape)
+    second = np.ravel_multi_index((np.full(len(site), end), *there.T), shape)
+    return first.astype(np.int64), second.astype(np.int64)
 
 
 def stiffness_matrix(
     lattice: Lattice, stiffness: tuple[float, float], removed: npt.NDArray[np.uint16]
-):  # type: ignore[no-untyped-def]  # a SciPy sparse matrix
+) -> "csr_array[np.float64]":
     """Tangent stiffness at rest over the flat degrees of freedom of (2, *S, 3), N/m.
 
     Args:
-        stiffness: EA of longitudinal and diagonal bars, N. removed: S, one bit a bar cut by a notch.
+        stiffness: EA of longitudinal and diagonal bars, N.
+        removed: S, one bit a bar cut by a notch.
     """
     from scipy.sparse import coo_array
 
@@ -110,7 +117,7 @@ def stiffness_matrix(
     return coo_array(entries, shape=(size, size)).tocsr()
 
 
-def row_of_nodes(lattice: Lattice, x: float, z: float) -> npt.NDArray[np.int64]:
+def row_of_nodes(lattice: Lattice, x: float, z: float) -> Nodes:
     """Flat numbers of the corner nodes along y that are nearest to (x, z), m."""
     place = lattice.positions()[0]
     exists = lattice.exists()[0]
@@ -143,7 +150,9 @@ def lattice_compliance(
     inner = matrix[free][:, free]
     scale = LinearOperator(inner.shape, matvec=lambda r: r / diagonal[free])
     # free of what moves the beam as a whole along x, y or about z: no load has such a part
-    moved, code = cg(inner, -(matrix @ prescribed)[free], rtol=1e-8, maxiter=20_000, M=scale)
+    moved, code = cg(
+        inner, -np.asarray(matrix @ prescribed)[free], rtol=1e-8, maxiter=20_000, M=scale
+    )
     assert code == 0
     prescribed[free] = moved
-    return float(-1.0 / (matrix @ prescribed)[3 * load + 2].sum())
+    return float(-1.0 / np.asarray(matrix @ prescribed)[3 * load + 2].sum())
