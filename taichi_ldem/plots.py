@@ -147,6 +147,8 @@ def _draw_force(figure: Figure, run: _Run) -> None:
         _mark_papers_force(axes)
     # Single samples may run out of the picture rather than flatten the curve; a note tells.
     top = 1.25 * max(smooth.max(), _P2_N[1] if run.is_papers_test else 1e-9)
+    if run.is_beam:  # which swings rather than rattles
+        top = 1.05 * max(force.max(), 1e-9)
     bottom = max(1.05 * lowest, -0.15 * top)
     axes.set_ylim(bottom, top)
     if force.max() > top or force.min() < bottom:
@@ -319,6 +321,7 @@ def _draw_crack_map(figure: Figure, run: _Run) -> None:
     )
     bar.set_label("share of bars broken, mean through the thickness")
     if run.is_beam:
+        figure.set_size_inches(9.0, 5.6)
         _draw_supports(axes, run.scene)
     else:
         _draw_outlines(axes, run.scene)
