@@ -1,9 +1,9 @@
 """Notched three-point bending after ISO 17281 (Fig. 7 of the paper): the numbers of a specimen.
 
 Energies are taken at the *peak*: the first maximum of the specimen's strain energy, from damage
-onset on, after which it falls by a tenth, that is when the crack runs. The striker's force swings
-with the specimen between striker and supports, so its own largest value says little, while the
-strain energy is what feeds the crack. Up to there
+onset on, after which it falls by a twentieth, that is when the crack runs. The striker's force
+swings with the specimen between striker and supports, so its own largest value says little, while
+the strain energy is what feeds the crack. Up to there
 
     work of the striker = strain + fracture + kinetic energy of the specimen + losses in contact
 
@@ -23,7 +23,7 @@ from taichi_ldem.lattice import BARS_PER_SITE, DIAGONAL, Lattice, bar_weights
 from taichi_ldem.scenarios import runner
 from taichi_ldem.scene import Notch, Scene
 
-FALL = 0.1
+FALL = 0.05
 """Share of the strain energy that is lost when the crack runs."""
 
 if TYPE_CHECKING:

@@ -265,10 +265,11 @@ def main() -> None:
     parser.add_argument("scene", type=Path, help="base scene: configs/bend.toml")
     parser.add_argument("folder", type=Path, help="where the run folders go")
     parser.add_argument("--spacings", nargs="*", type=float, default=SPACINGS, metavar="M")
+    parser.add_argument("--set", action="append", default=[], metavar="SECTION.KEY=VALUE")
     parser.add_argument("--threads", type=int)
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
-    base = load_scene(options.scene)
+    base = load_scene(options.scene, options.set)
     specimens = [Specimen(*beam, spacing) for spacing in options.spacings for beam in SPECIMENS]
     extra = ["--threads", str(options.threads)] if options.threads else []
     for specimen in specimens:
