@@ -301,6 +301,7 @@ class Simulation:
         if self.striker is not None:
             _, before, after = self.striker.motion()
             velocity = 0.5 * (before + after)
+        strains = self.gauge.strains(1 - self.now) if self.gauge is not None else (None, None)
         return Sample(
             at,
             step,
@@ -314,7 +315,8 @@ class Simulation:
             forces[1],
             self.grips.separation_at(at) if self.grips is not None else None,
             forces[2],
-            *(self.gauge.strains(1 - self.now) if self.gauge is not None else (None, None)),
+            strains[0],
+            strains[1],
             forces[3],
         )
 

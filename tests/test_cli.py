@@ -300,7 +300,9 @@ def test_an_existing_run_is_not_overwritten(good: Path, capsys: pytest.CaptureFi
 def test_a_command_refuses_another_one_s_scene(
     good: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert 'this command runs "bend", use `ldem impact`' in _refused(capsys, "bend", "scene.toml")
+    assert 'scenario = "impact": run it with `ldem impact`' in _refused(
+        capsys, "bend", "scene.toml"
+    )
     assert [path.name for path in good.parent.iterdir()] == ["scene.toml"]
 
 
