@@ -1,4 +1,4 @@
-"""The command line: `ldem impact`, `tension`, `wave`, `info`, `render`, `plot`. No physics.
+"""The command line: `ldem impact`, `tension`, `bend`, `wave`, `info`, `render`, `plot`. No physics.
 
 Heavy modules are imported inside the commands, Taichi only once the scene and the run folder are
 known to be good: help and refusals are quick.
@@ -79,6 +79,26 @@ def tension(
     scene, folder = _prepare("tension", scene_file, out, force, settings, options)
 
     from taichi_ldem.scenarios.tension import run
+
+    raise typer.Exit(run(scene, folder, force=force, quiet=quiet))
+
+
+@app.command()
+def bend(
+    scene_file: SceneFile,
+    out: Out = None,
+    force: Force = False,
+    arch: Arch = None,
+    precision: Precision = None,
+    threads: Threads = None,
+    settings: Settings = None,
+    quiet: Quiet = False,
+) -> None:
+    """Run a notched three-point bending test; options as for impact."""
+    options = {"arch": arch, "precision": precision, "threads": threads}
+    scene, folder = _prepare("bend", scene_file, out, force, settings, options)
+
+    from taichi_ldem.scenarios.bend import run
 
     raise typer.Exit(run(scene, folder, force=force, quiet=quiet))
 

@@ -1,4 +1,4 @@
-"""Rigid bodies against the lattice: the falling striker, the clamping rings and the grips.
+"""Rigid bodies against the lattice: the falling striker, clamping rings, supports and grips.
 
 The contact is kinematic (hard, no penalty stiffness): a node that its free flight would carry into
 a rigid body is put on the body's surface at the end of the same step, and the impulse that this
@@ -25,9 +25,11 @@ import taichi as ti
 
 from taichi_ldem.dynamics import CENTRE, CORNER, Dynamics
 from taichi_ldem.lanes import HALO
+from taichi_ldem.lattice import Lattice
 from taichi_ldem.scene import Clamp, Plate, SceneError
 from taichi_ldem.scene import Grips as GripsScene
 from taichi_ldem.scene import Striker as StrikerScene
+from taichi_ldem.scene import Supports as SupportsScene
 
 CHUNK = 8
 """Nodes summed at a time: few, because Taichi gives a CPU thread at least 512 turns of a loop."""
@@ -36,6 +38,7 @@ CHUNK = 8
 IMPULSE, PLATE_BEFORE, LOSS_BEFORE, LOSS_AFTER = range(4)
 # numbers that describe a body: kept in a field, so that another value compiles nothing anew
 MASS, RADIUS, GRAVITY, AXIS_X, AXIS_Y, TIP = range(6)
+HALF_SPAN = 0  # of the supports, whose radius has the striker's place
 INNER, OUTER, HEIGHT = range(3)
 SPEED, RAMP, COSINE, SINE = range(4)
 # the striker's own state; displacement and velocity are positive towards the plate
@@ -228,11 +231,77 @@ class RigidBody:
         return self.sums.to_numpy()
 
 
-@ti.data_oriented
-class Striker(RigidBody):
-    """Rigid hemisphere on a cylindrical shaft of its own diameter; moves along -z, frictionless.
+def _capacity(lattice: Lattice, diameter: float, along: bool) -> int:
+    """Nodes that a round body's list has room for.
 
-    Few nodes are near it: on the CPU one thread is faster than waking the others.
+    As many as in a column of twice its diameter and four thicknesses more, a cylinder ``along`` y
+    has them over the whole width; never more than there are.
+    """
+    nx, ny, nz = lattice.modules
+    across = 2 * diameter / lattice.spacing + 4 * nz
+    plan = min(across, nx + 1) * (ny + 1) if along else max(across**2, 10_000)
+    return int(min(plan, (nx + 1) * (ny + 1)) * (2 * nz + 1))
+
+
+@ti.data_oriented
+class RoundBody(RigidBody):
+    """A body whose surface has one distance, ``numbers[RADIUS]``, from a point or a line.
+
+    Which one is a compile-time choice: ``from_axis`` of the body. Frictionless: a node inside goes
+    to the nearest place on the surface.
+    """
+
+    @ti.func
+    def from_axis(self, position, displacement):
+        """Vector from the body's axis to a point at a displacement of the body; each its own."""
+        return position
+
+    @ti.func
+    def distance(self, position, displacement):
+        """Signed distance of a point to the surface, m."""
+        return self.from_axis(position, displacement).norm() - self.numbers[RADIUS]
+
+    @ti.func
+    def overlap(self, number, now, spacing, displacement):
+        """How deep a listed node is in the body, and the surface's normal there."""
+        s, k, j, i = self.place(number)
+        moved = ti.cast(self.dynamics.node_displacement(1 - now, s, k, j, i), ti.f64)
+        offset = self.from_axis(self.rest(s, k, j, i, spacing) + moved, displacement)
+        length = ti.max(offset.norm(), 1e-12 * self.numbers[RADIUS])
+        return self.numbers[RADIUS] - length, offset / length
+
+    @ti.func
+    def reached(self, time_step):
+        """The body's displacement at the end of the step, m; 0 for one that does not move."""
+        return ti.cast(0.0, ti.f64)
+
+    @ti.func
+    def push_out(self, now, spacing, time_step, damping):
+        """Put every node that is inside the body on its surface; works go to the chunks' sums.
+
+        Few nodes are near it: on the CPU one thread is faster than waking the others.
+        """
+        ti.loop_config(serialize=self.dynamics.on_cpu)
+        for chunk in range(self.chunks()):
+            works = vec3d(0.0, 0.0, 0.0)
+            displacement = self.reached(time_step)
+            for number in range(chunk * CHUNK, self.chunk_end(chunk)):
+                s, k, j, i = self.place(number)
+                depth, normal = self.overlap(number, now, spacing, displacement)
+                if depth > 0:
+                    moved = ti.cast(self.dynamics.node_displacement(1 - now, s, k, j, i), ti.f64)
+                    works += self.put(
+                        number, s, k, j, i, now, time_step, damping, moved + depth * normal
+                    )
+                self.before[number] = self.dynamics.node_velocity(s, k, j, i)
+            self.chunk_sums[chunk] = ti.Vector([works[0], works[1], works[2], 0.0], ti.f64)
+
+
+@ti.data_oriented
+class Striker(RoundBody):
+    """Rigid nose on a shaft of its own diameter; moves along -z, frictionless.
+
+    The nose is half a sphere on a round shaft or half a cylinder along y on a flat one.
 
     The step is implicit in the striker's velocity: with all touching nodes on its surface their
     impulses are linear in its change of velocity, one scalar equation. So a light striker is as
@@ -244,15 +313,13 @@ class Striker(RigidBody):
     """
 
     def __init__(self, dynamics: Dynamics, scene: StrikerScene, time_step: float):
-        nx, ny, nz = dynamics.lattice.modules
-        spacing = dynamics.lattice.spacing
-        # as many nodes as a column of twice the striker's diameter and four thicknesses more
-        across = 2 * scene.diameter / spacing + 4 * nz
-        tip = nz * spacing + scene.gap
+        lattice = dynamics.lattice
+        self.cylinder = scene.shape == "cylinder"
+        tip = lattice.modules[2] * lattice.spacing + scene.gap
         super().__init__(
             dynamics,
             (scene.mass, 0.5 * scene.diameter, scene.gravity, *scene.position, tip),
-            int(min(max(across**2, 10_000), (nx + 1) * (ny + 1)) * (2 * nz + 1)),
+            _capacity(lattice, scene.diameter, self.cylinder),
         )
         self.state = ti.field(ti.f64, shape=4)
         start = scene.velocity - 0.5 * time_step * scene.gravity
@@ -260,17 +327,14 @@ class Striker(RigidBody):
 
     @ti.func
     def from_axis(self, position, displacement):
-        """Vector from the nearest point of the axis at or above the sphere's centre to a point."""
+        """Vector to a point from the shaft's axis or mid-plane, at or above the nose's centre."""
         height = self.numbers[TIP] + self.numbers[RADIUS] - displacement
         centre = vec3d(self.numbers[AXIS_X], self.numbers[AXIS_Y], height)
         offset = position - centre
         offset.z = ti.min(offset.z, 0.0)
+        if ti.static(self.cylinder):
+            offset.y = 0.0
         return offset
-
-    @ti.func
-    def distance(self, position, displacement):
-        """Signed distance of a point to the striker's surface, m."""
-        return self.from_axis(position, displacement).norm() - self.numbers[RADIUS]
 
     @ti.func
     def near(self, position, margin):
@@ -278,18 +342,16 @@ class Striker(RigidBody):
         return self.distance(position, self.state[DISPLACEMENT]) < margin
 
     @ti.func
-    def overlap(self, number, now, spacing, displacement):
-        """How deep a listed node is in the striker, and the surface's normal there."""
-        s, k, j, i = self.place(number)
-        moved = ti.cast(self.dynamics.node_displacement(1 - now, s, k, j, i), ti.f64)
-        offset = self.from_axis(self.rest(s, k, j, i, spacing) + moved, displacement)
-        length = ti.max(offset.norm(), 1e-12 * self.numbers[RADIUS])
-        return self.numbers[RADIUS] - length, offset / length
-
-    @ti.func
     def free_velocity(self, time_step):
         """The striker's velocity half a step from now if it touches nothing, m/s."""
         return self.state[VELOCITY] + ti.cast(time_step, ti.f64) * self.numbers[GRAVITY]
+
+    @ti.func
+    def reached(self, time_step):
+        """The striker's displacement at the end of the step, m."""
+        return self.state[DISPLACEMENT] + ti.cast(time_step, ti.f64) * (
+            self.free_velocity(time_step) + self.state[TRIAL]
+        )
 
     @ti.func
     def resolve(self, now, spacing, time_step, damping):
@@ -312,22 +374,7 @@ class Striker(RigidBody):
         for _ in range(1):
             total = self.total()
             self.state[TRIAL] = total[0] / (self.numbers[MASS] + total[1])
-        ti.loop_config(serialize=self.dynamics.on_cpu)
-        for chunk in range(self.chunks()):
-            works = vec3d(0.0, 0.0, 0.0)
-            flight = self.state[DISPLACEMENT] + dt * (
-                self.free_velocity(time_step) + self.state[TRIAL]
-            )
-            for number in range(chunk * CHUNK, self.chunk_end(chunk)):
-                s, k, j, i = self.place(number)
-                depth, normal = self.overlap(number, now, spacing, flight)
-                if depth > 0:
-                    moved = ti.cast(self.dynamics.node_displacement(1 - now, s, k, j, i), ti.f64)
-                    works += self.put(
-                        number, s, k, j, i, now, time_step, damping, moved + depth * normal
-                    )
-                self.before[number] = self.dynamics.node_velocity(s, k, j, i)
-            self.chunk_sums[chunk] = ti.Vector([works[0], works[1], works[2], 0.0], ti.f64)
+        self.push_out(now, spacing, time_step, damping)
         ti.loop_config(serialize=True)
         for _ in range(1):
             total = self.total()
@@ -348,6 +395,40 @@ class Striker(RigidBody):
         """Displacement (m), velocities at n - 1/2 and n + 1/2 (m/s), towards the plate."""
         state = self.state.to_numpy()
         return float(state[DISPLACEMENT]), float(state[VELOCITY_BEFORE]), float(state[VELOCITY])
+
+
+@ti.data_oriented
+class Supports(RoundBody):
+    """Two fixed cylinders along y under the plate, whose lower face they touch at the start.
+
+    Frictionless, as rollers are: no tangential work, so nothing rubs energy away unseen, and no
+    thrust along the beam. Each stands on a flat shaft, like the striker's cylinder upside down.
+    """
+
+    def __init__(self, dynamics: Dynamics, scene: SupportsScene):
+        numbers = (0.5 * scene.span, 0.5 * scene.diameter)
+        super().__init__(dynamics, numbers, 2 * _capacity(dynamics.lattice, scene.diameter, True))
+
+    @ti.func
+    def from_axis(self, position, displacement):
+        """Vector to a point from the plane below the axis of the support on its side."""
+        side = ti.select(position.x < 0, ti.cast(-1.0, ti.f64), ti.cast(1.0, ti.f64))
+        height = ti.max(position.z + self.numbers[RADIUS], 0.0)
+        across = ti.cast(0.0, ti.f64)
+        return vec3d(position.x - side * self.numbers[HALF_SPAN], across, height)
+
+    @ti.func
+    def near(self, position, margin):
+        """Whether a point is within a margin of a support."""
+        return self.distance(position, ti.cast(0.0, ti.f64)) < margin
+
+    @ti.func
+    def resolve(self, now, spacing, time_step, damping):
+        """Put penetrating nodes on the supports, which nothing moves."""
+        self.push_out(now, spacing, time_step, damping)
+        for _ in range(1):
+            total = self.total()
+            self.book(total[0], total[1], total[1], total[2])
 
 
 @ti.data_oriented

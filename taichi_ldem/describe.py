@@ -86,6 +86,7 @@ def left_out(scene: Scene) -> list[str]:
         "striker contact (no [striker])": scene.striker is None,
         "clamp contact (no [clamp], or free)": not scene.held,
         "grips and gauge (no [grips])": scene.grips is None,
+        "support contact (no [supports])": scene.supports is None,
     }
     return [name for name, missing in absent.items() if missing]
 

@@ -46,6 +46,7 @@ _P2_N, _T2_S = (600.0, 830.0), (6.4e-3, 9.4e-3)
 _V_MAX_S = 0.8e-3
 _T2_LDEM_S = 7.5e-3  # the paper's model
 _E_PA, _STRENGTH_PA, _SCATTER = 3.35e9, 75e6, 0.15  # its tension tests, Section 3.2
+_BEAM_WINDOW = 60e-6  # smooths the swinging of a beam of the paper's size between its contacts
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,16 @@ class _Run:
 
         return measure_run(self.folder)
 
+    @property
+    def is_beam(self) -> bool:
+        """Whether it is a beam on supports, to be seen from the side."""
+        return self.scene.supports is not None
+
+    @property
+    def window(self) -> float:
+        """Over which forces are averaged, s."""
+        return _BEAM_WINDOW if self.is_beam else SMOOTHING_WINDOW
+
     def number(self, key: str) -> float | None:
         """A number of the summary, None where the run has none."""
         value = self.summary.get(key)
@@ -87,7 +98,8 @@ class _Run:
 def plot_run(folder: RunFolder) -> list[Path]:
     """Draw the figures of `_FIGURES` into the run folder, one PNG each.
 
-    A figure that the run has no data for is left out.
+    A beam on supports has `force_displacement.png` besides, and its map is from the side. A figure
+    that the run has no data for is left out.
 
     Returns:
         The pictures written.
@@ -150,8 +162,8 @@ def _has_growth(run: _Run) -> bool:
 def _draw_force(figure: Figure, run: _Run) -> None:
     axes = figure.add_subplot(xlabel="time [ms]", ylabel="force [N]")
     time, force = run.history["time_s"], run.history["striker_force_n"]
-    smooth = smooth_force(time, force)
-    average = f"mean over {_MS * SMOOTHING_WINDOW:g} ms"
+    smooth = smooth_force(time, force, run.window)
+    average = f"mean over {_MS * run.window:g} ms"
     axes.plot(run.time_ms, force, color="0.75", linewidth=0.6, label="striker, as sampled")
     axes.plot(run.time_ms, smooth, color="C0", linewidth=2.4, label=f"striker, {average}")
     for number, cutoff in enumerate(run.scene.output.filter_frequencies):
@@ -159,22 +171,46 @@ def _draw_force(figure: Figure, run: _Run) -> None:
         label = f"striker, low-pass at {cutoff / 1e3:g} kHz after $t_1$"
         axes.plot(run.time_ms, filtered, f"C{(1, 4, 5, 6)[number % 4]}", linewidth=2.0, label=label)
     lowest = min(0.0, force.min())
-    if "ring_force_n" in run.history:
-        ring = smooth_force(time, run.history["ring_force_n"])
-        axes.plot(run.time_ms, ring, color="C2", linewidth=1.0, label=f"rings, {average}")
-        lowest = min(lowest, ring.min())
+    for name in ("ring", "support"):
+        if f"{name}_force_n" in run.history:
+            other = smooth_force(time, run.history[f"{name}_force_n"], run.window)
+            axes.plot(run.time_ms, other, color="C2", lw=1.0, label=f"{name}s, {average}")
+            lowest = min(lowest, other.min())
     _mark_peaks(axes, run)
     _mark_times(axes, run)
     if run.is_papers_test:
         _mark_papers_force(axes)
     # Single samples may run out of the picture rather than flatten the curve; a note tells.
     top = 1.25 * max(smooth.max(), _P2_N[1] if run.is_papers_test else 1e-9)
+    if run.is_beam:  # which swings rather than rattles
+        top = 1.05 * max(force.max(), 1e-9)
     bottom = max(1.05 * lowest, -0.15 * top)
     axes.set_ylim(bottom, top)
     if force.max() > top or force.min() < bottom:
         note = f"samples reach from {force.min():.0f} to {force.max():.0f} N"
         axes.text(0.99, 0.02, note, transform=axes.transAxes, ha="right", color="0.5", fontsize=11)
     _finish(figure, run)
+
+
+def _draw_force_displacement(figure: Figure, run: _Run) -> None:
+    """Force over the striker's way, with the work up to the peak as an area."""
+    axes = figure.add_subplot(xlabel="striker displacement [mm]", ylabel="force [N]")
+    time, force = run.history["time_s"], run.history["striker_force_n"]
+    way = _MM * run.history["striker_displacement_m"]
+    average = f"mean over {_MS * run.window:g} ms"
+    smooth = smooth_force(time, force, run.window)
+    support = smooth_force(time, run.history["support_force_n"], run.window)
+    axes.plot(way, force, color="0.75", linewidth=0.6, label="striker, as sampled")
+    axes.plot(way, smooth, color="C0", linewidth=2.4, label=f"striker, {average}")
+    axes.plot(way, support, color="C2", linewidth=1.0, label=f"supports, {average}")
+    at, work = run.number("peak_time_s"), run.number("peak_work_j")
+    if at is not None and work is not None:
+        upto = time <= at
+        label = f"work until the crack runs, {1e3 * work:.2f} mJ"
+        axes.fill_between(way[upto], force[upto], color="C0", alpha=0.15, lw=0, label=label)
+    axes.set_ylim(bottom=min(0.0, force.min()))
+    axes.set_xlim(0.0, float(way.max()))
+    figure.legend(loc="outside lower center", ncols=2, fontsize=12)
 
 
 def _mark_peaks(axes: Axes, run: _Run) -> None:
@@ -289,34 +325,49 @@ def _draw_crack_map(figure: Figure, run: _Run) -> None:
     from matplotlib.colors import PowerNorm
 
     plate = run.scene.plate
-    nx, ny, nz = plate.modules
-    half_x, half_y = (_MM * side / 2 for side in plate.actual_size[:2])
-    figure.set_figheight(min(7.8, 7.0 * half_y / half_x + 4.0))
+    across, deep = (2, 1) if run.is_beam else (1, 2)  # axes: upwards and into the picture
+    half_x, half_y = (_MM * plate.actual_size[axis] / 2 for axis in (0, across))
+    middle = half_y if run.is_beam else 0.0
+    if not run.is_beam:
+        figure.set_figheight(min(7.8, 7.0 * half_y / half_x + 4.0))
     bars = read_broken_bars(run.folder.fields_file)
-    share = _broken_share(_MM * bars.position_m[:, :2], (nx, ny), (half_x, half_y)) / nz
+    place = _MM * bars.position_m[:, [0, across]] - (0.0, middle)
+    modules = plate.modules[0], plate.modules[across]
+    share = _broken_share(place, modules, (half_x, half_y)) / plate.modules[deep]
     if not plate.is_prism:
-        share[~_columns(run, (nx, ny), (half_x, half_y))] = np.nan
+        share[~_columns(run, modules, (half_x, half_y))] = np.nan
 
-    axes = figure.add_subplot(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
+    axes = figure.add_subplot(xlabel="x [mm]", ylabel=f"{'xyz'[across]} [mm]", aspect="equal")
     axes.grid(False)
     image = axes.imshow(
         share.T,
-        extent=(-half_x, half_x, -half_y, half_y),
+        extent=(-half_x, half_x, middle - half_y, middle + half_y),
         origin="lower",
         cmap="Greys",
         norm=PowerNorm(0.5, 0.0, 0.5),  # a single broken bar must show beside a whole crack
         interpolation="nearest",
     )
-    bar = figure.colorbar(image, ax=axes, extend="max", shrink=0.8)
+    bar = figure.colorbar(
+        image,
+        ax=axes,
+        extend="max",
+        shrink=0.8,
+        orientation="horizontal" if run.is_beam else "vertical",
+    )
     bar.set_label("share of bars broken, mean through the thickness")
-    _draw_outlines(axes, run.scene)
-    # Looking up with y upwards, x points to the left.
-    axes.set_xlim(1.03 * half_x, -1.03 * half_x)
-    axes.set_ylim(-1.03 * half_y, 1.03 * half_y)
+    if run.is_beam:
+        figure.set_size_inches(9.0, 5.6)
+        _draw_supports(axes, run.scene)
+    else:
+        _draw_outlines(axes, run.scene)
+        # Looking up with y upwards, x points to the left.
+        axes.set_xlim(1.03 * half_x, -1.03 * half_x)
+        axes.set_ylim(-1.03 * half_y, 1.03 * half_y)
     times = read_times(run.folder.fields_file)
     end = max(run.history["time_s"].max(initial=0.0), times.max(initial=0.0))
+    side = "the side" if run.is_beam else "below"
     axes.set_title(
-        f"Broken bars seen from below: {len(bars.bar):,} at t = {_MS * end:.2f} ms", fontsize=14
+        f"Broken bars seen from {side}: {len(bars.bar):,} at t = {_MS * end:.2f} ms", fontsize=14
     )
 
 
@@ -399,12 +450,41 @@ def _outline(plate: Plate) -> Series:
     return np.asarray(corners @ [[cosine, sine], [-sine, cosine]])
 
 
+def _draw_supports(axes: Axes, scene: Scene) -> None:
+    """A beam's edge, its notch, and the rigid bodies as they were at the start, from the side."""
+    from matplotlib.patches import Circle, Rectangle
+
+    supports, striker = scene.supports, scene.striker
+    assert supports is not None
+    length, _, height = (_MM * side for side in scene.plate.actual_size)
+    edge: dict[str, Any] = {"fill": False, "edgecolor": "black", "linewidth": 1.5}
+    axes.add_patch(Rectangle((-length / 2, 0.0), length, height, **edge))
+    body: dict[str, Any] = {"facecolor": "C0", "alpha": 0.3, "linewidth": 0}
+    radius = _MM * supports.diameter / 2
+    for side in (-1, 1):
+        axes.add_patch(Circle((side * _MM * supports.span / 2, -radius), radius, **body))
+    top = height
+    if striker is not None:
+        radius = _MM * striker.diameter / 2
+        place = _MM * striker.position[0], height + _MM * striker.gap + radius
+        axes.add_patch(Circle(place, radius, **body))
+        top = place[1] + radius
+    for notch in scene.notch:
+        if notch.normal == "x":
+            z = np.clip(_MM * np.array(notch.bounds[1]), 0.0, height)
+            axes.plot([_MM * notch.position] * 2, z, color="C1", linewidth=2.5, label="notch")
+    axes.legend(loc="upper right", fontsize=12)
+    axes.set_xlim(-0.52 * length, 0.52 * length)
+    axes.set_ylim(-1.05 * _MM * supports.diameter, top + 0.1 * height)
+
+
 def _mark_times(axes: Axes, run: _Run) -> None:
     """The run's damage onset, first peak and failure as thin lines, named above the axes."""
     for key, name in (
         ("damage_onset_time_s", "onset"),
         ("first_peak_time_s", "$t_1$"),
         ("failure_time_s", "$t_2$"),
+        ("peak_time_s", "peak"),
     ):
         at = run.number(key)
         if at is None:
@@ -427,6 +507,7 @@ _Needs = Callable[[_Run], bool]
 _Draw = Callable[["Figure", _Run], None]
 _FIGURES: tuple[tuple[str, tuple[float, float], _Needs, _Draw], ...] = (
     ("force", (9.0, 6.4), _has("striker_force_n"), _draw_force),
+    ("force_displacement", (9.0, 6.4), _has("support_force_n"), _draw_force_displacement),
     ("velocity", (9.0, 6.4), _has("striker_velocity_m_s"), _draw_velocity),
     ("energy", (9.0, 7.0), _has("energy_error"), _draw_energy),
     ("stress_strain", (9.0, 6.4), _has_section, _draw_stress_strain),

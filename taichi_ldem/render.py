@@ -254,7 +254,9 @@ def _above(size: FloatArray) -> _View:
 def _cut(size: FloatArray) -> _View:
     side = _rotation(0.0, 0.0)
     whole = _MARGIN * size[0]
-    enlarged = min(whole, 10 * size[2])
+    enlarged = 10 * size[2]
+    if enlarged >= whole:  # a beam rather than a plate
+        return _View("cut through y = 0, near half removed", _single(size, side), cut=True)
     upper = _Panel(
         0.68, 0.24, side, whole, 0.01, "whole width; dark: behind the cut, walls of cracks"
     )

@@ -250,8 +250,13 @@ class Material(_Table):
 
 
 class Striker(_Table):
-    """Rigid hemisphere on a shaft of the same diameter; moves along -z only, without friction."""
+    """Rigid nose on a shaft of the same diameter; moves along -z only, without friction.
 
+    hemisphere: on a round shaft; cylinder: half of one with its axis along y, longer than the plate
+    is wide, on a flat shaft.
+    """
+
+    shape: Literal["hemisphere", "cylinder"] = "hemisphere"
     diameter: Positive = Field(description="m")
     mass: Positive = Field(description="kg")
     velocity: NonNegative = Field(description="initial, towards the plate, m/s")
@@ -331,6 +336,13 @@ class Pulse(_Table):
     )
     position: Real = Field(description="of its middle along the axis at t = 0, m")
     probes: tuple[Real, Real] = Field(description="two positions along the axis, m")
+
+
+class Supports(_Table):
+    """Two fixed rigid cylinders under the plate, axes along y, at x = +-span/2; no friction."""
+
+    span: Positive = Field(description="between the two axes, m")
+    diameter: Positive = Field(description="m")
 
 
 class Solver(_Table):
@@ -416,13 +428,14 @@ class Notch(_Table):
 class Scene(_Table):
     """A complete scene. A table that is left out (None) is a feature that is left out."""
 
-    scenario: Literal["impact", "tension", "wave"]
+    scenario: Literal["impact", "tension", "bend", "wave"]
     plate: Plate
     material: Material
     striker: Striker | None = None
     clamp: Clamp | None = None
     grips: Grips | None = None
     pulse: Pulse | None = None
+    supports: Supports | None = None
     solver: Solver
     output: Output = Output()
     notch: tuple[Notch, ...] = ()
@@ -446,6 +459,7 @@ class Scene(_Table):
         self._check_striker()
         self._check_tension()
         self._check_pulse()
+        self._check_supports()
         self._check_output()
         for number, notch in enumerate(self.notch):
             self._check_notch(f"notch[{number}]", notch)
@@ -541,6 +555,25 @@ class Scene(_Table):
             if present:
                 raise ValueError(f"table '[{name}]': a pulse runs through a free, whole prism")
 
+    def _check_supports(self) -> None:
+        if self.scenario == "bend":
+            for key in ("striker", "supports"):
+                if getattr(self, key) is None:
+                    raise ValueError(f"missing table '[{key}]' (scenario = \"bend\")")
+            if self.held:
+                assert self.clamp is not None
+                why = 'must be "free" or absent with scenario = "bend": the beam lies on [supports]'
+                raise _refuse("clamp.kind", self.clamp.kind, why)
+        if self.supports is None:
+            return
+        length = self.plate.size[0]
+        if self.supports.span > length:
+            why = f"must be at most {length!r}, the plate's side x"
+            raise _refuse("supports.span", self.supports.span, why)
+        if self.supports.diameter > self.supports.span:
+            why = f"must be at most supports.span = {self.supports.span!r}"
+            raise _refuse("supports.diameter", self.supports.diameter, why)
+
     def _check_output(self) -> None:
         end, output = self.solver.duration, self.output
         for key, limit in (("history_interval", MAX_SAMPLES), ("field_interval", MAX_FRAMES)):
@@ -588,7 +621,7 @@ class Scene(_Table):
 
 # Keys that belong to the format but not to this version: a nearest-key hint would mislead.
 LATER_KEYS = ("disorder", "modes", "plate.perturbation")
-LATER_SCENARIOS = ("modes", "bend")
+LATER_SCENARIOS = ("modes",)
 
 # An override of one replaces the other.
 EXCLUSIVE: dict[tuple[str, ...], str] = {
@@ -792,6 +825,7 @@ def _table_at(location: tuple[int | str, ...]) -> type[_Table]:
         "clamp": Clamp,
         "grips": Grips,
         "pulse": Pulse,
+        "supports": Supports,
         "solver": Solver,
         "output": Output,
         "notch": Notch,

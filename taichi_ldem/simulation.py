@@ -16,8 +16,10 @@ from taichi_ldem.contact import (
     LOSS_BEFORE,
     PLATE_BEFORE,
     Grips,
+    RigidBody,
     Rings,
     Striker,
+    Supports,
 )
 from taichi_ldem.dynamics import Dynamics, Features, field_bytes
 from taichi_ldem.energy import BROKEN, DAMPED, FRACTURE, KINETIC, STRAIN, EnergySums, Ledger
@@ -49,7 +51,8 @@ class Sample:
         broken_bars: so far.
         striker_displacement (m), striker_velocity (m/s): positive towards the plate; None without.
         striker_force: impulse over the time since the last sample, N; None without a striker.
-        ring_force: the same for what holds the plate, positive against the striker; None without.
+        ring_force, support_force: the same for the clamp and for the supports, positive against the
+            striker; None without.
         grip_displacement: how far the grips have moved apart, m; None without grips.
         grip_force: their mean pull, impulse over the time since the last sample, N; None without.
         gauge_strain, gauge_lateral_strain: see ``Gauge``; None without grips.
@@ -69,6 +72,7 @@ class Sample:
     grip_force: float | None = None
     gauge_strain: float | None = None
     gauge_lateral_strain: float | None = None
+    support_force: float | None = None
 
 
 def build_lattice(scene: Scene) -> Lattice:
@@ -114,14 +118,15 @@ def notch_bars(scene: Scene, lattice: Lattice) -> npt.NDArray[np.uint16]:
 
 @ti.data_oriented
 class Simulation:
-    """A plate, its striker and its clamp, stepped in time.
+    """A plate, its striker, its clamp and its supports, stepped in time.
 
     Args:
         scene: what to build; Taichi must have been started for it (``backend.start``).
 
     Attributes:
         dynamics: the lattice's fields and kernels.
-        striker, rings, grips, gauge: None where the scene has none.
+        striker, rings, grips, gauge, supports: None where the scene has none.
+        bodies: those that there are.
         time_step, critical_time_step: s.
         step_number: of the next step; the displacement at ``time`` lies in buffer ``now``.
 
@@ -148,6 +153,7 @@ class Simulation:
         self.time_step, self.sample_every = self._choose_time_step()
         self.steps = round(solver.duration / self.time_step)
         self.has_rings, self.has_striker = scene.held, scene.striker is not None
+        self.has_supports = scene.supports is not None
         self.rings = (
             Rings(self.dynamics, scene.clamp, scene.plate) if scene.clamp and scene.held else None
         )
@@ -159,12 +165,14 @@ class Simulation:
         self.gauge = None
         if scene.grips and scene.grips.gauge_length:
             self.gauge = Gauge(self.dynamics, angle, scene.grips.gauge_length)
-        self.bodies = [b for b in (self.rings, self.striker, self.grips) if b is not None]
+        self.supports = Supports(self.dynamics, scene.supports) if scene.supports else None
+        parts = (self.rings, self.striker, self.grips, self.supports)
+        self.bodies: list[RigidBody] = [part for part in parts if part is not None]
         self.energies = EnergySums(self.dynamics)
         self.now, self.step_number = 0, 0
         self._start: Ledger | None = None
         self._last: Sample | None = None
-        self._impulses = np.zeros(3)
+        self._impulses = np.zeros(4)
 
     def _choose_time_step(self) -> tuple[float, int]:
         """Time step and the number of steps between two samples.
@@ -201,6 +209,8 @@ class Simulation:
             self.striker.resolve(now, spacing, time_step, damping)  # type: ignore[union-attr]
         if ti.static(self.has_grips):
             self.grips.resolve(now, spacing, time_step, damping)  # type: ignore[union-attr]
+        if ti.static(self.has_supports):
+            self.supports.resolve(now, spacing, time_step, damping)  # type: ignore[union-attr]
 
     def _step(self, measure: bool) -> None:
         if self.step_number % STEPS_BETWEEN_LISTS == 0:
@@ -281,8 +291,8 @@ class Simulation:
         if self._start is None:
             self._start = ledger
         since = at - self._last.time if self._last is not None else self.time_step
-        forces: list[float | None] = [None, None, None]
-        for n, body in enumerate((self.striker, self.rings, self.grips)):
+        forces: list[float | None] = [None, None, None, None]
+        for n, body in enumerate((self.striker, self.rings, self.grips, self.supports)):
             if body is not None:
                 impulse = float(body.collected()[IMPULSE])
                 forces[n] = (impulse - self._impulses[n]) / since
@@ -291,6 +301,7 @@ class Simulation:
         if self.striker is not None:
             _, before, after = self.striker.motion()
             velocity = 0.5 * (before + after)
+        strains = self.gauge.strains(1 - self.now) if self.gauge is not None else (None, None)
         return Sample(
             at,
             step,
@@ -304,7 +315,9 @@ class Simulation:
             forces[1],
             self.grips.separation_at(at) if self.grips is not None else None,
             forces[2],
-            *(self.gauge.strains(1 - self.now) if self.gauge is not None else ()),
+            strains[0],
+            strains[1],
+            forces[3],
         )
 
     def samples(self) -> Iterator[Sample]:
@@ -392,7 +405,7 @@ class Simulation:
             name: sum(field_bytes(field) for field in fields)
             for name, fields in self.dynamics.fields().items()
         }
-        for part in ("rings", "striker", "grips", "gauge"):
+        for part in ("rings", "striker", "grips", "gauge", "supports"):
             for name, value in vars(getattr(self, part) or object).items():
                 if isinstance(value, ti.Field):
                     sizes[f"{part}.{name}"] = field_bytes(value)
@@ -401,7 +414,7 @@ class Simulation:
     # -- results
     # ------------------------------------------------------------------------------------
 
-    def contact_loss(self, body: Striker | Rings | None) -> float:
+    def contact_loss(self, body: RigidBody | None) -> float:
         """Energy lost so far in contact with a body of the simulation, J."""
         if body is None:
             return 0.0

@@ -72,7 +72,7 @@ BAD = {
     "unknown_table": Bad("[striker]", "[stricker]", "unknown key 'stricker'; did you mean 'str"),
     "unknown_kind": Bad('"rings"', '"glued"', 'must be "rings", "bonded", "rim" or "free"'),
     "unknown_scenario": Bad('"impact"', '"impakt"', 'scenario = "impakt": must be "impact"'),
-    "later_scenario": Bad('"impact"', '"bend"', 'scenario = "bend": not available in this version'),
+    "later_scenario": Bad('"impact"', '"wave"', 'scenario = "wave": not available in this version'),
     "later_table": Bad(
         STEP, f"{STEP}\n[disorder]\nseed = 1", "'disorder' is not available in this"
     ),
@@ -152,6 +152,24 @@ BAD = {
         "diameter = 0.0127",
         "diameter = 0.08",
         "striker.diameter = 0.08: must be smaller than clamp",
+    ),
+    "bend_without_supports": Bad(
+        '"impact"', '"bend"', "missing table '[supports]' (scenario = \"bend\")"
+    ),
+    "clamped_bend": Bad(
+        'scenario = "impact"',
+        'scenario = "bend"\nsupports = { span = 0.08, diameter = 0.004 }',
+        'clamp.kind = "rings": must be "free" or absent',
+    ),
+    "supports_beside_the_plate": Bad(
+        'scenario = "impact"',
+        'scenario = "impact"\nsupports = { span = 0.1, diameter = 0.004 }',
+        "supports.span = 0.1: must be at most 0.0928",
+    ),
+    "supports_that_overlap": Bad(
+        'scenario = "impact"',
+        'scenario = "impact"\nsupports = { span = 0.01, diameter = 0.011 }',
+        "supports.diameter = 0.011: must be at most supports.span = 0.01",
     ),
     "factor_and_strain": Bad(
         "failure_factor = 31.45",
@@ -282,6 +300,15 @@ def test_an_existing_run_is_not_overwritten(good: Path, capsys: pytest.CaptureFi
     assert "--force" in _refused(capsys, "impact", "scene.toml", "--out", str(history.parent))
     assert history.read_text() == "time_s\n"
     assert list(history.parent.iterdir()) == [history]
+
+
+def test_a_command_refuses_another_one_s_scene(
+    good: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert 'scenario = "impact": run it with `ldem impact`' in _refused(
+        capsys, "bend", "scene.toml"
+    )
+    assert [path.name for path in good.parent.iterdir()] == ["scene.toml"]
 
 
 @pytest.mark.parametrize("force", [[], ["--force"]], ids=["plain", "force"])

@@ -1,0 +1,120 @@
+"""Notched three-point bending after ISO 17281 (Fig. 7 of the paper): the numbers of a specimen.
+
+Energies are taken at the *peak*: the first maximum of the specimen's strain energy, from damage
+onset on, after which it falls by a twentieth, that is when the crack runs. The striker's force
+swings with the specimen between striker and supports, so its own largest value says little, while
+the strain energy is what feeds the crack. Up to there
+
+    work of the striker = strain + fracture + kinetic energy of the specimen + losses in contact
+
+which is the ledger. What the specimen has absorbed, U, is the first two; the others are separated
+because the ledger has each of them at every sample, not by an estimate.
+"""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taichi_ldem import material as mat
+from taichi_ldem import signals
+from taichi_ldem.lattice import BARS_PER_SITE, DIAGONAL, Lattice, bar_weights
+from taichi_ldem.scenarios import runner
+from taichi_ldem.scene import Notch, Scene
+
+FALL = 0.05
+"""Share of the strain energy that is lost when the crack runs."""
+
+if TYPE_CHECKING:
+    from taichi_ldem.simulation import Simulation
+
+
+def run(scene: Scene, out: Path, *, force: bool = False, quiet: bool = False) -> int:
+    """Run a bending test into a folder; exit codes and errors are ``runner.run``'s."""
+    return runner.run(scene, out, summary, force=force, quiet=quiet)
+
+
+def notch_depth(notch: Notch, lattice: Lattice) -> float:
+    """Depth of a notch that is open below: half-way between its last bar and the next one, m.
+
+    Rows of bars along the beam's axis are half a module apart, so ``notch.to`` may be anything
+    between two. Half-way is where the compliance of the notched lattice has the crack's tip if the
+    plane goes through corner nodes and the last row is one of centre nodes, that is for three
+    quarters of a module more than whole ones; else it is deeper by up to 0.2 L (docs/bending.md).
+    """
+    row = 0.5 * lattice.spacing
+    return row * (math.floor(notch.bounds[1][1] / row + 1e-6) + 0.5)
+
+
+def ligament_area(scene: Scene, notch: Notch, lattice: Lattice) -> float:
+    """Fracture area of the bars that cross a notch's plane and were not removed, m2.
+
+    A flat crack through the rest of the section dissipates G_f times this area.
+    """
+    everywhere = (-math.inf, -math.inf), (math.inf, math.inf)
+    crossing = lattice.bars_crossing(notch.axes[0], notch.position, *everywhere)
+    (a, b), (c, d) = notch.bounds
+    removed = lattice.bars_crossing(notch.axes[0], notch.position, (a, c), (b, d))
+    weights = bar_weights(lattice.surface_weights)[lattice.code]
+    areas = mat.fracture_areas(scene.material.poisson_ratio, scene.material.fracture_areas)
+    left = crossing & ~removed
+    total = sum(
+        areas[bar >= DIAGONAL.start] * float(weights[..., bar][(left >> bar & 1) == 1].sum())
+        for bar in range(BARS_PER_SITE)
+    )
+    return total * lattice.spacing**2
+
+
+def peak_index(history: runner.History, onset: float | None) -> int:
+    """Row of the peak (see the module); the largest strain energy where it never falls so far.
+
+    Args:
+        onset: damage onset, s; None: an elastic run.
+    """
+    strain = np.array([r["strain_j"] for r in history])
+    if onset is not None:
+        start = int(np.searchsorted([r["time_s"] for r in history], onset))
+        highest = np.maximum.accumulate(strain[start:])
+        fallen = np.flatnonzero(strain[start:] < (1 - FALL) * highest)
+        if len(fallen):
+            return start + int(np.argmax(strain[start : start + fallen[0]]))
+    return int(np.argmax(strain))
+
+
+def summary(simulation: "Simulation", history: runner.History) -> dict[str, Any]:
+    """Notch, energies at the peak (see the module) and fracture of a finished run."""
+    scene = simulation.scene
+    lattice = simulation.dynamics.lattice
+    notches = [notch for notch in scene.notch if notch.normal == "x"]
+    _, width, height = scene.plate.actual_size
+    depth, area = 0.0, width * height
+    if notches:
+        depth = notch_depth(notches[0], lattice)
+        area = ligament_area(scene, notches[0], lattice)
+    first, last = history[0], history[-1]
+    onset = None
+    if scene.material.damage and scene.material.fracture_energy is not None:
+        time_s, fracture = (np.array([r[key] for r in history]) for key in ("time_s", "fracture_j"))
+        energy = scene.material.fracture_energy
+        onset = signals.damage_onset(time_s, fracture, energy, math.sqrt(area))
+    peak = history[peak_index(history, onset)]
+    work = first["kinetic_striker_j"] - peak["kinetic_striker_j"] + peak["external_j"]
+    return {
+        "notch_depth_m": depth,
+        "ligament_area_m2": area,
+        "damage_onset_time_s": onset,
+        "largest_force_n": max(r["striker_force_n"] for r in history),
+        "peak_time_s": peak["time_s"],
+        "peak_displacement_m": peak["striker_displacement_m"],
+        "peak_work_j": work,
+        "peak_strain_j": peak["strain_j"],
+        "peak_fracture_j": peak["fracture_j"],
+        "peak_kinetic_j": peak["kinetic_plate_j"],
+        "peak_contact_j": peak["contact_j"],
+        "absorbed_j": peak["strain_j"] + peak["fracture_j"],
+        "fracture_per_ligament_j_m2": last["fracture_j"] / area,
+        "striker_velocity_end_m_s": last["striker_velocity_m_s"],
+        "contact_striker_j": simulation.contact_loss(simulation.striker),
+        "contact_supports_j": simulation.contact_loss(simulation.supports),
+    }

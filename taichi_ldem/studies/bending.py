@@ -1,0 +1,281 @@
+"""Fracture energy from a series of notched bending tests: U against B W phi (Fig. 7 of the paper).
+
+    python -m taichi_ldem.studies.bending configs/bend.toml outputs/bending [--spacings 5e-4 2.5e-4]
+
+Widths and notches span the paper's; the notches are rounded to where the lattice has its crack tips
+(``bend.notch_depth``). Every specimen runs in a process and a folder of its own; what is finished
+is not run again, so the study can be cut and resumed.
+
+U is what the specimen has absorbed when its crack begins to run (the peak of ``bend``), less the
+elastic energy of the dents at the striker and the supports, as ISO 17281 corrects for them: the
+share of the strain energy that their compliance has in the lattice's. phi is
+``compliance.calibration``.
+"""
+
+import json
+import subprocess
+import sys
+from argparse import ArgumentParser
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taichi_ldem import material as mat
+from taichi_ldem.lattice import Lattice, prism
+from taichi_ldem.scenarios.bend import notch_depth
+from taichi_ldem.scene import Scene, load_scene, parse_scene, scene_to_toml
+from taichi_ldem.studies import compliance
+
+# W and a, m: the paper gives their ranges, 6.21 to 7.26 mm and 1.9 to 6.38 mm, not which with which
+SPECIMENS = (
+    (6.5e-3, 2.0e-3),
+    (6.5e-3, 2.6e-3),
+    (6.5e-3, 3.2e-3),
+    (6.5e-3, 3.9e-3),
+    (6.5e-3, 4.6e-3),
+    (7.0e-3, 2.4e-3),
+    (7.0e-3, 4.4e-3),
+    (7.0e-3, 6.0e-3),
+)
+SPACINGS = (5e-4, 2.5e-4)
+MEASURED, SCATTER = 930.0, 120.0
+"""G_IC of the paper's fourteen specimens, J/m2."""
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Specimen:
+    """A beam of width W with a notch of about ``notch``, on a lattice of a given module edge; m."""
+
+    width: float
+    notch: float
+    spacing: float
+
+    @property
+    def depth(self) -> float:
+        """Depth of the notch as built, m: where the lattice has the crack's tip (``bend``)."""
+        return (round(self.notch / self.spacing - 0.75) + 0.75) * self.spacing
+
+    @property
+    def name(self) -> str:
+        """Name of its folder."""
+        parts = (1e6 * self.spacing, 1e6 * self.width, 1e6 * self.depth)
+        return "L{:.0f}_W{:.0f}_a{:.0f}".format(*parts)
+
+    def scene(self, base: Scene) -> Scene:
+        """The base scene with this beam and this notch."""
+        data = base.model_dump(by_alias=True, exclude_none=True)
+        x, y, _ = base.plate.size
+        modules = round(self.width / self.spacing)
+        data["plate"] |= {"size": (x, y, self.width), "modules_through_thickness": modules}
+        notch = {"normal": "x", "position": 0.0, "from": (-y / 2, 0.0), "to": (y / 2, self.depth)}
+        data["notch"] = [notch]
+        return parse_scene(data, self.name)
+
+
+def run(specimen: Specimen, base: Scene, folder: Path, extra: Sequence[str]) -> None:
+    """Run a specimen in a process of its own and its statics here, unless they are finished."""
+    scene, out = specimen.scene(base), folder / specimen.name
+    if not (out / "summary.json").exists():
+        file = folder / f"{specimen.name}.toml"
+        file.write_text(scene_to_toml(scene))
+        print(specimen.name, flush=True)
+        command = [sys.executable, "-m", "taichi_ldem.cli", "bend", str(file), "--out", str(out)]
+        done = subprocess.run([*command, "--force", *extra], check=False)
+        if done.returncode:
+            print(f"{specimen.name}: failed with exit code {done.returncode}", flush=True)
+            return
+    if not (out / "statics.json").exists():
+        (out / "statics.json").write_text(json.dumps(statics(scene)))
+
+
+def statics(scene: Scene) -> dict[str, float]:
+    """Compliance of a scene's beam with and without its notch, on the lattice, m/N."""
+    plate, supports, (notch,) = scene.plate, scene.supports, scene.notch
+    assert supports is not None  # the scene refuses a bending test without them
+    lattice = Lattice(prism(*plate.modules), plate.spacing, plate.surface_weights)
+    bars = mat.bar_families(scene.material, plate.spacing, plate.stiffness)
+    stiffness = bars.longitudinal.axial_stiffness, bars.diagonal.axial_stiffness
+    (a, b), (c, d) = notch.bounds
+    cut = lattice.bars_crossing(notch.axes[0], notch.position, (a, c), (b, d))
+    none = np.zeros_like(cut)
+    return {
+        name: compliance.lattice_compliance(lattice, stiffness, removed, supports.span)
+        for name, removed in (("whole_m_n", none), ("notched_m_n", cut))
+    }
+
+
+def evaluate(
+    scene: Scene, summary: Mapping[str, Any], static: Mapping[str, float]
+) -> dict[str, float]:
+    """U, B W phi and what they are made of (see the module), SI units."""
+    supports, (notch,) = scene.supports, scene.notch
+    assert supports is not None
+    _, thickness, width = scene.plate.actual_size
+    lattice = Lattice(prism(*scene.plate.modules), scene.plate.spacing)
+    depth = notch_depth(notch, lattice)
+    alpha, beta = depth / width, supports.span / width
+    unit = scene.material.youngs_modulus * thickness
+    dents = static["whole_m_n"] - compliance.whole_beam(beta) / unit
+    in_dents = summary["peak_strain_j"] * dents / static["notched_m_n"]
+    area = thickness * width * compliance.calibration(alpha, beta)
+    energy = summary["absorbed_j"] - in_dents
+    return {
+        "spacing_m": scene.plate.spacing,
+        "width_m": width,
+        "notch_depth_m": depth,
+        "alpha": alpha,
+        "b_w_phi_m2": area,
+        "work_j": summary["peak_work_j"],
+        "kinetic_j": summary["peak_kinetic_j"],
+        "contact_j": summary["peak_contact_j"],
+        "fracture_j": summary["peak_fracture_j"],
+        "dents_j": in_dents,
+        "energy_j": energy,
+        "energy_over_b_w_phi_j_m2": energy / area,
+        "fracture_per_ligament_j_m2": summary["fracture_per_ligament_j_m2"],
+        "added_compliance": unit * (static["notched_m_n"] - static["whole_m_n"]),
+        "added_compliance_published": compliance.added_by_notch(alpha, beta),
+        "peak_time_s": summary["peak_time_s"],
+    }
+
+
+def fit(rows: Sequence[Row]) -> Row:
+    """Straight line through U against B W phi: slope, its 95 % confidence, intercept."""
+    from scipy import stats
+
+    x = np.array([row["b_w_phi_m2"] for row in rows])
+    y = np.array([row["energy_j"] for row in rows])
+    line = stats.linregress(x, y)
+    return {
+        "spacing_m": rows[0]["spacing_m"],
+        "specimens": len(rows),
+        "fracture_energy_slope": float(line.slope),
+        "confidence_95": float(stats.t.ppf(0.975, len(x) - 2) * line.stderr),
+        "intercept_j": float(line.intercept),
+        "slope_through_origin": float(x @ y / (x @ x)),
+        "fracture_per_ligament": float(np.mean([r["fracture_per_ligament_j_m2"] for r in rows])),
+    }
+
+
+def read(specimens: Sequence[Specimen], base: Scene, folder: Path) -> list[Row]:
+    """Rows of the finished specimens."""
+    rows = []
+    for specimen in specimens:
+        files = [folder / specimen.name / name for name in ("summary.json", "statics.json")]
+        if all(file.exists() for file in files):
+            summary, static = (json.loads(file.read_text()) for file in files)
+            rows.append(evaluate(specimen.scene(base), summary, static))
+    return rows
+
+
+COLUMNS = (
+    ("L [mm]", "spacing_m", 1e3, ".3g"),
+    ("W [mm]", "width_m", 1e3, ".2f"),
+    ("a [mm]", "notch_depth_m", 1e3, ".3f"),
+    ("a/W", "alpha", 1, ".3f"),
+    ("B W phi [mm2]", "b_w_phi_m2", 1e6, ".2f"),
+    ("peak [ms]", "peak_time_s", 1e3, ".3f"),
+    ("work [mJ]", "work_j", 1e3, ".2f"),
+    ("kinetic [mJ]", "kinetic_j", 1e3, ".2f"),
+    ("contact loss [mJ]", "contact_j", 1e3, ".3f"),
+    ("dents [mJ]", "dents_j", 1e3, ".2f"),
+    ("U [mJ]", "energy_j", 1e3, ".2f"),
+    ("of it fracture [mJ]", "fracture_j", 1e3, ".2f"),
+    ("U/(B W phi) [J/m2]", "energy_over_b_w_phi_j_m2", 1, ".0f"),
+    ("fracture/ligament [J/m2]", "fracture_per_ligament_j_m2", 1, ".0f"),
+    ("E B (C - C0), lattice", "added_compliance", 1, ".2f"),
+    ("published", "added_compliance_published", 1, ".2f"),
+)
+FITS = (
+    ("L [mm]", "spacing_m", 1e3, ".3g"),
+    ("specimens", "specimens", 1, "d"),
+    ("slope [J/m2]", "fracture_energy_slope", 1, ".0f"),
+    ("95 % [J/m2]", "confidence_95", 1, ".0f"),
+    ("intercept [mJ]", "intercept_j", 1e3, ".2f"),
+    ("slope through 0 [J/m2]", "slope_through_origin", 1, ".0f"),
+    ("fracture/ligament, mean [J/m2]", "fracture_per_ligament", 1, ".0f"),
+)
+
+
+def table(rows: Sequence[Row], columns: Sequence[tuple[str, str, float, str]]) -> str:
+    """Rows as a Markdown table."""
+    lines = ["| " + " | ".join(title for title, *_ in columns) + " |", "|---" * len(columns) + "|"]
+    for row in rows:
+        cells = (format(row[key] * scale, form) for _, key, scale, form in columns)
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def figure(rows: Sequence[Row], fits: Sequence[Row], given: float, file: Path) -> None:
+    """Draw U against B W phi with the lines, the input's slope and the measured band."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    drawing = Figure(figsize=(9, 6.5), dpi=130, layout="constrained")
+    FigureCanvasAgg(drawing)
+    axes = drawing.add_subplot(xlabel=r"$B W \phi$ [mm$^2$]", ylabel="U [mJ]")
+    ends = np.array([0.0, 1.1e6 * max(row["b_w_phi_m2"] for row in rows)])
+    low, high = (1e-3 * g * ends for g in (MEASURED - SCATTER, MEASURED + SCATTER))
+    label = f"experiments (paper): {MEASURED:.0f} +- {SCATTER:.0f} J/m2"
+    axes.fill_between(ends, low, high, color="tab:red", alpha=0.15, lw=0, label=label)
+    axes.plot(ends, 1e-3 * given * ends, "k--", lw=1, label=f"input G_f: {given:.0f} J/m2")
+    for number, line in enumerate(fits):
+        mine = [row for row in rows if row["spacing_m"] == line["spacing_m"]]
+        x, y = (np.array([row[key] for row in mine]) for key in ("b_w_phi_m2", "energy_j"))
+        axes.plot(1e6 * x, 1e3 * y, "os^D"[number % 4], color=f"C{number}", ms=8)
+        fitted = 1e3 * (line["fracture_energy_slope"] * 1e-6 * ends + line["intercept_j"])
+        slope, error = line["fracture_energy_slope"], line["confidence_95"]
+        label = (
+            f"L = {1e3 * line['spacing_m']:.3g} mm: slope {slope:.0f} +- {error:.0f} J/m2 (95 %)"
+        )
+        axes.plot(ends, fitted, color=f"C{number}", label=label)
+    axes.set_xlim(*ends)
+    axes.set_ylim(bottom=min(0.0, *(1e3 * line["intercept_j"] for line in fits)))
+    axes.grid(alpha=0.3)
+    axes.legend(loc="upper left")
+    drawing.savefig(file)
+
+
+def report(rows: Sequence[Row], base: Scene, folder: Path) -> None:
+    """Write ``summary.json``, ``bending.md`` and ``bending.png`` for lattices of three or more."""
+    groups = [[r for r in rows if r["spacing_m"] == s] for s in {r["spacing_m"]: 0 for r in rows}]
+    fits = [fit(group) for group in groups if len(group) > 2]
+    if not fits:
+        return
+    finest = min(fits, key=lambda line: float(line["spacing_m"]))
+    numbers = {
+        "fracture_energy_slope": finest["fracture_energy_slope"],
+        "lattices": fits,
+        "specimens": rows,
+    }
+    (folder / "summary.json").write_text(json.dumps(numbers, indent=2) + "\n")
+    (folder / "bending.md").write_text(table(fits, FITS) + "\n" + table(rows, COLUMNS))
+    assert base.material.fracture_energy is not None
+    figure(rows, fits, base.material.fracture_energy, folder / "bending.png")
+
+
+def main() -> None:
+    """Run what is missing and report after every specimen."""
+    parser = ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("scene", type=Path, help="base scene: configs/bend.toml")
+    parser.add_argument("folder", type=Path, help="where the run folders go")
+    parser.add_argument("--spacings", nargs="*", type=float, default=SPACINGS, metavar="M")
+    parser.add_argument("--set", action="append", default=[], metavar="SECTION.KEY=VALUE")
+    parser.add_argument("--threads", type=int)
+    options = parser.parse_args()
+    options.folder.mkdir(parents=True, exist_ok=True)
+    base = load_scene(options.scene, options.set)
+    specimens = [Specimen(*beam, spacing) for spacing in options.spacings for beam in SPECIMENS]
+    extra = ["--threads", str(options.threads)] if options.threads else []
+    for specimen in specimens:
+        run(specimen, base, options.folder, extra)
+        report(read(specimens, base, options.folder), base, options.folder)
+
+
+if __name__ == "__main__":
+    main()
