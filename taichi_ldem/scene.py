@@ -550,6 +550,7 @@ class Scene(_Table):
         for name, present in (
             ("striker", self.striker),
             ("clamp", self.held),
+            ("supports", self.supports),
             ("notch", self.notch),
         ):
             if present:
@@ -760,7 +761,7 @@ def _explain(fault: ErrorDetails, data: object) -> str:
         return _missing(location, data)
     value = fault["input"]
     if key == "scenario" and value in LATER_SCENARIOS:
-        known = 'use "impact", "tension" or "wave"'
+        known = 'use "impact", "tension", "bend" or "wave"'
         return f"scenario = {_show(value)}: not available in this version, {known}"
     return f"{key} = {_show(value)}: {_wish(fault, location)}"
 

@@ -10,7 +10,7 @@ import pytest
 
 from taichi_ldem.cli import main
 from taichi_ldem.scenarios.wave import delay, phase_difference
-from taichi_ldem.scene import load_scene
+from taichi_ldem.scene import SceneError, load_scene
 from taichi_ldem.store import RunFolder
 
 CONFIGS = Path(__file__).parents[1] / "configs"
@@ -121,6 +121,12 @@ def test_each_command_runs_its_own_scenes(capsys: pytest.CaptureFixture[str]) ->
     assert "run it with `ldem wave`" in capsys.readouterr().err
     assert main(["wave", str(CONFIGS / "impact.toml")]) == 2
     assert "run it with `ldem impact`" in capsys.readouterr().err
+
+
+def test_supports_would_disturb_a_pulse() -> None:
+    settings = ["supports.span=0.024", "supports.diameter=0.004"]
+    with pytest.raises(SceneError, match=r"table '\[supports\]': a pulse runs through a free"):
+        load_scene(CONFIGS / "wave_bar.toml", settings)
 
 
 def test_a_pulse_is_needed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
