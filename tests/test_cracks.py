@@ -310,7 +310,7 @@ def stored(name: str, plate: Plate) -> BrokenBars:
 
 
 def test_a_real_run_counted_by_hand() -> None:
-    """`ldem impact configs/impact_quick.toml`, f64: 5594 bars.
+    """`ldem impact configs/impact_quick.toml`, f64, before the step in lanes: 5594 bars.
 
     Answers read off a picture of the depth of broken in-plane bars, by eye and ruler.
 
