@@ -1,6 +1,7 @@
 """The one place that starts Taichi, and keeps its banner off stdout."""
 
 import contextlib
+import ctypes
 import os
 import sys
 from collections.abc import Iterator
@@ -24,6 +25,24 @@ def _silent_stdout() -> Iterator[None]:
         os.close(sink)
 
 
+def vulkan_device() -> bool:
+    """Whether a Vulkan device exists, asked without Taichi, which aborts where there is none."""
+    if sys.platform == "darwin":
+        return True  # Taichi brings its own
+    try:
+        vulkan = ctypes.CDLL("vulkan-1.dll" if sys.platform == "win32" else "libvulkan.so.1")
+    except OSError:
+        return False
+    # VkInstanceCreateInfo with only its type set, as eight pointer-sized slots
+    request = (ctypes.c_size_t * 8)(1)
+    instance, count = ctypes.c_void_p(), ctypes.c_uint32(0)
+    if vulkan.vkCreateInstance(ctypes.byref(request), None, ctypes.byref(instance)):
+        return False
+    failed = vulkan.vkEnumeratePhysicalDevices(instance, ctypes.byref(count), None)
+    vulkan.vkDestroyInstance(instance, None)
+    return not failed and count.value > 0
+
+
 def start(solver: Solver) -> None:
     """Import and initialise Taichi for a scene; call it before any module with kernels is imported.
 
@@ -32,19 +51,18 @@ def start(solver: Solver) -> None:
     Raises:
         SceneError: the backend is not there, or cannot do the precision.
     """
-    if solver.arch in ("vulkan", "metal"):
-        raise SceneError(
-            f'solver.arch = "{solver.arch}": gives wrong contact forces in this version; use "cpu" '
-            'or "cuda"'
-        )
+    if solver.arch == "metal":
+        raise SceneError('solver.arch = "metal": has no f64, which contact sums need; use "cpu"')
+    if solver.arch == "vulkan" and not vulkan_device():
+        raise SceneError('solver.arch = "vulkan": no Vulkan device here; use "cpu"')
     with _silent_stdout():
         import taichi as ti
 
         # not ti.gpu, which also looks for Vulkan and may abort in its driver
-        arch = ti.cpu if solver.arch == "cpu" else ti.cuda
+        arch = {"cpu": ti.cpu, "vulkan": ti.vulkan}.get(solver.arch, ti.cuda)
         real = ti.f64 if solver.precision == "f64" else ti.f32
         options = {"cpu_max_num_threads": solver.threads} if solver.threads else {}
         ti.init(arch=arch, default_fp=real, fast_math=False, log_level=ti.ERROR, **options)
         current = ti.lang.impl.current_cfg().arch
-    if (current == ti.cpu) != (solver.arch == "cpu") or current not in (ti.cpu, ti.cuda):
-        raise SceneError(f'solver.arch = "{solver.arch}": no CUDA device here; use "cpu"')
+    if current != arch:
+        raise SceneError(f'solver.arch = "{solver.arch}": no such device here; use "cpu"')

@@ -35,9 +35,7 @@ Out = Annotated[
     Path | None, typer.Option(metavar="DIR", help="run folder (default: outputs/SCENE)")
 ]
 Force = Annotated[bool, typer.Option("--force", help="overwrite the run in DIR")]
-Arch = Annotated[
-    str | None, typer.Option(help="cpu, cuda or gpu (vulkan, metal: not in this version)")
-]
+Arch = Annotated[str | None, typer.Option(help="cpu, cuda (or gpu) or vulkan")]
 Precision = Annotated[str | None, typer.Option(help="f64 or f32")]
 Threads = Annotated[int | None, typer.Option(help="CPU threads (default: all cores)")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="print nothing on success")]

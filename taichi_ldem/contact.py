@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 import taichi as ti
 
-from taichi_ldem.dynamics import CENTRE, CORNER, Dynamics
+from taichi_ldem.dynamics import CENTRE, CORNER, Dynamics, field_apart
 from taichi_ldem.lanes import HALO
 from taichi_ldem.lattice import Lattice
 from taichi_ldem.scene import Clamp, Plate, SceneError
@@ -69,14 +69,14 @@ class RigidBody:
 
     def __init__(self, dynamics: Dynamics, numbers: Sequence[float], capacity: int):
         self.dynamics = dynamics
-        self.numbers = ti.field(ti.f64, shape=len(numbers))
+        self.numbers = field_apart(ti.f64, len(numbers))
         self.numbers.from_numpy(np.array(numbers, dtype=np.float64))
         self.capacity = capacity
-        self.nodes = ti.field(ti.i32, shape=capacity)
+        self.nodes = field_apart(ti.i32, capacity)
         self.before = ti.Vector.field(3, float, shape=capacity)
-        self.count = ti.field(ti.i32, shape=())
-        self.chunk_sums = ti.Vector.field(4, ti.f64, shape=capacity // CHUNK + 1)
-        self.sums = ti.field(ti.f64, shape=4)
+        self.count = field_apart(ti.i32, 1)
+        self.chunk_sums = field_apart(ti.f64, capacity // CHUNK + 1, 4)
+        self.sums = field_apart(ti.f64, 4)
 
     def set_nodes(self, nodes: npt.NDArray[np.int32], count: int) -> None:
         """Replace the list by the first ``count`` of ``nodes`` and note their velocities.
@@ -92,12 +92,12 @@ class RigidBody:
         padded = np.zeros(self.capacity, dtype=np.int32)
         padded[:count] = np.sort(nodes[:count])
         self.nodes.from_numpy(padded)
-        self.count[None] = count
+        self.count[0] = count
         self.note_velocities()
 
     def listed(self) -> npt.NDArray[np.int32]:
         """Numbers of the listed nodes, ascending."""
-        return self.nodes.to_numpy()[: self.count[None]]
+        return self.nodes.to_numpy()[: self.count[0]]
 
     @ti.func
     def near(self, position, margin):
@@ -114,12 +114,12 @@ class RigidBody:
     @ti.func
     def chunks(self):
         """Number of chunks of the list."""
-        return (self.count[None] + CHUNK - 1) // CHUNK
+        return (self.count[0] + CHUNK - 1) // CHUNK
 
     @ti.func
     def chunk_end(self, chunk):
         """Number after the last node of a chunk."""
-        return ti.min((chunk + 1) * CHUNK, self.count[None])
+        return ti.min((chunk + 1) * CHUNK, self.count[0])
 
     @ti.func
     def rest(self, s, k, j, i, spacing):
@@ -222,7 +222,7 @@ class RigidBody:
     @ti.kernel
     def note_velocities(self):
         """Note the velocities of the listed nodes as those of the end of the last step."""
-        for number in range(self.count[None]):
+        for number in range(self.count[0]):
             s, k, j, i = self.place(number)
             self.before[number] = self.dynamics.node_velocity(s, k, j, i)
 
@@ -321,7 +321,7 @@ class Striker(RoundBody):
             (scene.mass, 0.5 * scene.diameter, scene.gravity, *scene.position, tip),
             _capacity(lattice, scene.diameter, self.cylinder),
         )
-        self.state = ti.field(ti.f64, shape=4)
+        self.state = field_apart(ti.f64, 4)
         start = scene.velocity - 0.5 * time_step * scene.gravity
         self.state.from_numpy(np.array([0.0, start, start, 0.0]))
 
@@ -552,7 +552,7 @@ class Grips(RigidBody):
         start = along[exists].max() - grips.length - 1e-6 * dynamics.lattice.spacing
         nodes = np.flatnonzero(exists & (np.abs(along) >= start)).astype(np.int32)
         super().__init__(dynamics, (grips.velocity, grips.ramp, cosine, sine), len(nodes))
-        self.state = ti.field(ti.f64, shape=1)
+        self.state = field_apart(ti.f64, 1)
         self.scene = grips
         self.set_nodes(nodes, len(nodes))
 

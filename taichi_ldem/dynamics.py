@@ -105,6 +105,20 @@ TURNS = 512
 """Taichi hands a CPU thread at least this many turns of a parallel loop."""
 
 
+def field_apart(kind: Any, shape: tuple[int, ...] | int, numbers: int = 0) -> ti.Field:
+    """A field of numbers (or vectors of so many) that are not of Taichi's default width.
+
+    It gets a tree of its own: in one that it shared with other widths, SPIR-V backends would read
+    and write it in words that overlap its neighbours.
+    """
+    field = ti.Vector.field(numbers, kind) if numbers else ti.field(kind)
+    sizes = (shape,) if isinstance(shape, int) else shape
+    tree = ti.FieldsBuilder()
+    tree.dense(getattr(ti, "ijkl"[: len(sizes)]), sizes).place(field)
+    tree.finalize()
+    return field
+
+
 @dataclass(frozen=True)
 class Features:
     """What a scene names beyond elasticity; the rest is neither allocated nor compiled.
@@ -175,36 +189,32 @@ class Dynamics:
         if self.in_strips:
             wanted = STRIPS_PER_THREAD * config.cpu_max_num_threads
             self.strips, rows = max(1, min(wanted, (ny - 2) // ROWS_PER_STRIP)), RING + 1
-        self.displacement = [[self._field(float, 2) for _ in "xyz"] for _ in "ab"]
-        self.velocity = [[self._field(float) for _ in "xyz"] for _ in "ab"]
+        self.displacement = [[self._field(2, *self.shape) for _ in "xyz"] for _ in "ab"]
+        self.velocity = [[self._field(*self.shape) for _ in "xyz"] for _ in "ab"]
         ring = (self.strips, rows, nz, self.lanes.columns)
-        self.axial = [self._lanes_of(float, ring) for _ in range(BARS_PER_SITE)]
-        self.code = self._field(ti.u8)
-        self.moving = ti.Vector.field(2, ti.f64, shape=ny)
+        self.axial = [self._field(*ring) for _ in range(BARS_PER_SITE)]
+        self.code = field_apart(ti.u8, self.shape, self.lanes.width)
+        self.moving = field_apart(ti.f64, ny, 2)
         self.stiffness = ti.Vector.field(7, float, shape=256)
         self.mass = ti.Vector.field(2, float, shape=256)
         self.inverse_mass = ti.Vector.field(2, float, shape=256)
         if features.history:
-            self.touched = ti.field(ti.u8, shape=self.shape)
+            self.touched = field_apart(ti.u8, self.shape)
         if features.law is not None:
             self.law = LAWS[features.law]
-            self.peak = [self._field(float) for _ in range(BARS_PER_SITE)]
-            self.recorded = self._field(ti.u16)
+            self.peak = [self._field(*self.shape) for _ in range(BARS_PER_SITE)]
+            self.recorded = field_apart(ti.u16, self.shape, self.lanes.width)
             self.softening = ti.Vector.field(2, float, shape=2)
         if features.notch:
-            self.removed = self._field(ti.u16)
+            self.removed = field_apart(ti.u16, self.shape, self.lanes.width)
         if features.damping:
-            self.damped = [self._field(float) for _ in "ab"]
+            self.damped = [self._field(*self.shape) for _ in "ab"]
         self.code.from_numpy(self.lanes.spread(lattice.code))
         self.set_bars(bars)
         self.set_density(density)
 
-    def _lanes_of(self, kind: Any, shape: tuple[int, ...]) -> ti.MatrixField:
-        return ti.Vector.field(self.lanes.width, kind, shape=shape)
-
-    def _field(self, kind: Any, buffers: int = 1) -> ti.MatrixField:
-        shape = self.shape if buffers == 1 else (buffers, *self.shape)
-        return self._lanes_of(kind, shape)
+    def _field(self, *shape: int) -> ti.MatrixField:
+        return ti.Vector.field(self.lanes.width, float, shape=shape)
 
     def fields(self) -> dict[str, list[ti.Field]]:
         """All fields by name; several where a name has one for each sublattice, axis or bar."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import taichi as ti
 
-from taichi_ldem.dynamics import STIFFNESS_KIND, Dynamics
+from taichi_ldem.dynamics import STIFFNESS_KIND, Dynamics, field_apart
 from taichi_ldem.lanes import HALO
 from taichi_ldem.lattice import BARS_PER_SITE
 
@@ -77,7 +77,7 @@ class EnergySums:
     def __init__(self, dynamics: Dynamics):
         self.dynamics = dynamics
         nz, ny, _ = dynamics.sites
-        self.rows = ti.Vector.field(3, ti.f64, shape=nz * ny)
+        self.rows = field_apart(ti.f64, nz * ny, 3)
 
     @ti.func
     def bar_energy(self, bar: ti.template(), e, k, j, m, lane, spacing, peak_strain):

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import taichi as ti
 
-from taichi_ldem.dynamics import CORNER, Dynamics
+from taichi_ldem.dynamics import CORNER, Dynamics, field_apart
 
 
 @ti.data_oriented
@@ -45,7 +45,7 @@ class Gauge:
         self.length = float((self._means[1] - self._means[0]) @ along[number])
         self.width = float((self._means[3] - self._means[2]) @ across[number])
         self.section = self._section(along, length)
-        self.nodes = ti.field(ti.i32, shape=len(number))
+        self.nodes = field_apart(ti.i32, len(number))
         self.nodes.from_numpy(number.astype(np.int32))
 
     def _section(self, along: np.ndarray, length: float) -> float:

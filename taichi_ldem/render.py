@@ -8,7 +8,6 @@ have failed; modules that are cut in two or torn are left out, so that cracks re
 
 from __future__ import annotations
 
-import ctypes
 import os
 import subprocess
 import sys
@@ -22,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_ldem.backend import vulkan_device
 from taichi_ldem.scene import load_scene
 from taichi_ldem.store import Fields, RunFolder, read_fields, read_times
 
@@ -270,24 +270,6 @@ _VIEWS: dict[str, Callable[[FloatArray], _View]] = {"below": _below, "above": _a
 # --- the child's side -----------------------------------------------------------------------------
 
 
-def _vulkan_device() -> bool:
-    """Whether a Vulkan device exists, asked without Taichi, which aborts where there is none."""
-    if sys.platform == "darwin":
-        return True  # Taichi brings its own
-    try:
-        vulkan = ctypes.CDLL("vulkan-1.dll" if sys.platform == "win32" else "libvulkan.so.1")
-    except OSError:
-        return False
-    # VkInstanceCreateInfo with only its type set, as eight pointer-sized slots
-    request = (ctypes.c_size_t * 8)(1)
-    instance, count = ctypes.c_void_p(), ctypes.c_uint32(0)
-    if vulkan.vkCreateInstance(ctypes.byref(request), None, ctypes.byref(instance)):
-        return False
-    failed = vulkan.vkEnumeratePhysicalDevices(instance, ctypes.byref(count), None)
-    vulkan.vkDestroyInstance(instance, None)
-    return not failed and count.value > 0
-
-
 def _clear_texture_coordinates() -> None:
     """Have GGUI start from zeroed vertices.
 
@@ -493,7 +475,7 @@ def _colour_key(figure: Figure) -> None:
 
 def main(arguments: Sequence[str]) -> int:
     """Draw steps of a run: `python -m taichi_ldem.render FOLDER STEP ...`, the child's side."""
-    if not _vulkan_device():
+    if not vulkan_device():
         return _EXIT_NO_DEVICE
     folder = RunFolder.open(Path(arguments[0]))
     painter = _Painter()

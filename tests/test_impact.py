@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taichi_ldem.backend import vulkan_device
 from taichi_ldem.cracks import measure_run
 from taichi_ldem.store import RunFolder, read_broken_bars, read_fields
 
@@ -159,6 +160,29 @@ def test_the_guard_stops_an_unstable_run(scene: Path) -> None:
     folder = RunFolder.open(out)
     assert len(folder.read_history()["time_s"]) > 1
     assert folder.read_summary() == {}
+
+
+@pytest.mark.skipif(not vulkan_device(), reason="no Vulkan device: apt install mesa-vulkan-drivers")
+def test_a_gpu_backend_takes_the_same_steps(scene: Path, tmp_path: Path) -> None:
+    """Whole passes on Vulkan (a software device will do) against strips on the CPU, in f32."""
+    histories = []
+    for arch in ("cpu", "vulkan"):
+        out = tmp_path / arch
+        words = ["--set", "solver.duration=2e-5", "--precision", "f32", "--arch", arch, "--quiet"]
+        done = subprocess.run(
+            [*COMMAND, "impact", str(scene), "--out", str(out), *words],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert (done.returncode, done.stdout) == (0, ""), done.stderr
+        histories.append(RunFolder.open(out).read_history())
+    cpu, vulkan = histories
+    assert cpu["broken_bars"].max() == 0  # cracking would amplify the rounding
+    for name in ("striker_force_n", "ring_force_n", "strain_j", "kinetic_plate_j"):
+        scale = np.abs(cpu[name]).max()
+        assert scale > 0
+        np.testing.assert_allclose(vulkan[name], cpu[name], rtol=0, atol=1e-5 * scale)
 
 
 def test_ctrl_c_keeps_what_was_computed(scene: Path) -> None:

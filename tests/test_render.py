@@ -6,11 +6,12 @@ from matplotlib.image import imread
 from synthetic import synthetic_run
 
 from taichi_ldem import render
+from taichi_ldem.backend import vulkan_device
 from taichi_ldem.render import NO_DEVICE, exterior, render_run
 from taichi_ldem.store import Fields, RunFolder, hexahedral_mesh
 
 needs_vulkan = pytest.mark.skipif(
-    not render._vulkan_device(), reason="no Vulkan device: apt install mesa-vulkan-drivers"
+    not vulkan_device(), reason="no Vulkan device: apt install mesa-vulkan-drivers"
 )
 
 
