@@ -37,14 +37,15 @@ COARSE_FREEDOMS = 40_000
 SMOOTHING_STEPS = 3
 """Degree of the Chebyshev polynomial, before and after the coarse grid."""
 
-TOLERANCE = 1e-5
+TOLERANCE = 1e-4
 """Relative residual of every mode (see ``Modes``): the frequency's error goes with its square."""
 
 GUARDS = 4
 """Vectors beyond those asked for: the last ones of a block converge slowest."""
 
-ROUNDS = (8, *[4] * 10)
-"""LOBPCG iterations between looks at the residuals of the modes asked for, guards left aside."""
+ROUNDS = (8, *[3] * 10)
+"""LOBPCG iterations between looks at the residuals: modes that have converged are left alone then,
+and guards need not converge."""
 
 
 class NotConverged(RuntimeError):
@@ -240,22 +241,23 @@ class TwoGrid:
             options={"SymmetricMode": True},
         )
         self.top = 1.05 * operator.largest + shift
-        self.bottom = self.top / (4 * self.cell**2)
+        self.bottom = self.top / (2 * self.cell**2)
 
     def _smooth(self, wanted: Array, guess: Array | None = None) -> tuple[Array, Array]:
         """Chebyshev iterations towards the solution of A x = wanted; x and A x."""
         middle, half = 0.5 * (self.top + self.bottom), 0.5 * (self.top - self.bottom)
-        x = np.zeros_like(wanted) if guess is None else guess
+        x = np.zeros_like(wanted) if guess is None else guess.copy()
         rest = wanted.copy() if guess is None else wanted - self.shifted(x)
         rho = half / middle
         step = rest / middle
         for number in range(SMOOTHING_STEPS):
-            x = x + step
+            x += step
             if number == SMOOTHING_STEPS - 1 and guess is not None:
                 break
             rest -= self.shifted(step)
             after = 1 / (2 * middle / half - rho)
-            step = after * rho * step + (2 * after / half) * rest
+            step *= after * rho
+            step += (2 * after / half) * rest
             rho = after
         return x, rest
 
@@ -347,12 +349,13 @@ def lowest(
         f"coarse grid: {inverse.stiffness.shape[0]:,} degrees of freedom, cells of {inverse.cell} "
         "modules"
     )
-    vectors = inverse.start(size)
-    done = 0
+    vectors, done = inverse.start(size), 0
+    locked = np.zeros(size, dtype=bool)
     for steps in ROUNDS:
-        vectors = _lobpcg(inverse, vectors, steps)
+        vectors[:, ~locked] = _lobpcg(inverse, vectors[:, ~locked], vectors[:, locked], steps)
         done += steps
         values, vectors, residuals = _ritz(operator, vectors, shift)
+        locked = residuals <= TOLERANCE
         worst = residuals[:count].max()
         tell(f"{done} iterations, {operator.applied:,} products: largest residual {worst:.1e}")
         if worst <= TOLERANCE:
@@ -366,8 +369,8 @@ def lowest(
     return Modes(frequencies, residuals[:count], shapes, done)
 
 
-def _lobpcg(inverse: TwoGrid, vectors: Array, steps: int) -> Array:
-    """A few iterations of SciPy's LOBPCG; vectors that span about the same as its own."""
+def _lobpcg(inverse: TwoGrid, vectors: Array, locked: Array, steps: int) -> Array:
+    """Better vectors after a few iterations of SciPy's LOBPCG, orthogonal to the locked ones."""
     from scipy.sparse.linalg import LinearOperator, lobpcg
 
     operator = inverse.operator
@@ -390,6 +393,7 @@ def _lobpcg(inverse: TwoGrid, vectors: Array, steps: int) -> Array:
             LinearOperator(shape, matvec=apply, matmat=apply, dtype=np.float64),
             vectors,
             M=LinearOperator(shape, matvec=precondition, matmat=precondition, dtype=np.float64),
+            Y=locked if locked.shape[1] else None,
             tol=scale * TOLERANCE * inverse.shift,
             maxiter=steps,
             largest=False,
@@ -399,9 +403,10 @@ def _lobpcg(inverse: TwoGrid, vectors: Array, steps: int) -> Array:
 
 def _ritz(operator: TangentOperator, vectors: Array, shift: float) -> tuple[Array, Array, Array]:
     """Ritz values, ascending, their orthonormal vectors and relative residuals (see ``Modes``)."""
-    vectors, _ = np.linalg.qr(vectors)
+    from scipy.linalg import eigh
+
     image = each(operator, vectors)
-    values, turn = np.linalg.eigh(vectors.T @ image)
+    values, turn = eigh(vectors.T @ image, vectors.T @ vectors)
     vectors, image = vectors @ turn, image @ turn
     image -= values * vectors
     elastic = values[values > 1e-3 * shift]
