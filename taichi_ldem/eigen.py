@@ -40,12 +40,17 @@ SMOOTHING_STEPS = 3
 TOLERANCE = 1e-4
 """Relative residual of every mode (see ``Modes``): the frequency's error goes with its square."""
 
+START_STEPS = 5
+"""Inverse iterations on the coarse grid for the start."""
+
 GUARDS = 4
 """Vectors beyond those asked for: the last ones of a block converge slowest."""
 
-ROUNDS = (8, *[3] * 10)
-"""LOBPCG iterations between looks at the residuals: modes that have converged are left alone then,
-and guards need not converge."""
+ROUND, ROUNDS = 8, 8
+"""LOBPCG iterations between looks at the residuals, and most such rounds: low modes that have
+converged are left alone then, and guards need not converge. SciPy returns the iterate whose largest
+residual is least; a mode that the start had missed enters with a large one, and a shorter round
+would throw it away again and again."""
 
 
 class NotConverged(RuntimeError):
@@ -182,9 +187,9 @@ def trilinear(lattice: Lattice, cell: int) -> Any:
 
     counts = [-(-n // cell) + 1 for n in lattice.modules]
     corner = [np.arange(n) - 1.0 for n in reversed(lattice.sites)]
-    halves = []
+    halves: list[Any] = []
     for shift in (0.0, 0.5):
-        one = None
+        one: Any = None
         for axis in (2, 1, 0):  # z outermost, as the sites
             place = np.clip((corner[axis] + shift) / cell, 0, counts[axis] - 1)
             below = np.minimum(place.astype(int), counts[axis] - 2)
@@ -237,7 +242,9 @@ class TwoGrid:
         matrix = self.stiffness + shift * self.mass
         matrix += 1e-10 * sparse.diags_array(matrix.diagonal())  # functions that nearly coincide
         self.factor = splu(
-            matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+            matrix.tocsc(),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
             options={"SymmetricMode": True},
         )
         self.top = 1.05 * operator.largest + shift
@@ -281,32 +288,32 @@ class TwoGrid:
     def restrict(self, vectors: Array) -> Array:
         """Columns of (size, m) to those of the coarse grid."""
         m = vectors.shape[1]
-        return (self.back @ vectors.reshape(-1, 3 * m)).reshape(-1, m)
+        coarse: Array = self.back @ vectors.reshape(-1, 3 * m)
+        return coarse.reshape(-1, m)
 
     def prolong(self, vectors: Array) -> Array:
         """Columns of the coarse grid to those of (size, m)."""
         m = vectors.shape[1]
-        return (self.basis @ vectors.reshape(-1, 3 * m)).reshape(-1, m)
+        fine: Array = self.basis @ vectors.reshape(-1, 3 * m)
+        return fine.reshape(-1, m)
 
     def start(self, count: int) -> Array:
-        """The coarse grid's lowest eigenvectors on the fine grid, (size, count); noise beyond."""
-        from scipy.sparse.linalg import LinearOperator, eigsh
+        """The coarse grid's lowest eigenvectors, roughly, on the fine grid, (size, count).
 
-        coarse = self.stiffness.shape[0]
-        noise = np.random.default_rng(0)
-        wanted = max(1, min(count, coarse // 2))
-        inverse = LinearOperator((coarse, coarse), matvec=self.factor.solve, dtype=np.float64)
-        _, vectors = eigsh(
-            self.stiffness,
-            wanted,
-            self.mass,
-            sigma=-self.shift,
-            OPinv=inverse,
-            v0=noise.standard_normal(coarse),
-            tol=1e-3,
-        )
-        rest = noise.standard_normal((self.operator.size, count - wanted))
-        return np.concatenate([self.prolong(vectors), rest], axis=1)
+        Inverse iteration with a block: a single vector's Krylov space would hold one of several
+        modes of the same frequency. Noise where the coarse grid has fewer.
+        """
+        from scipy.linalg import eigh, qr
+
+        coarse, noise = self.stiffness.shape[0], np.random.default_rng(0)
+        wanted = min(count + GUARDS, coarse // 2)
+        vectors: Any = noise.standard_normal((coarse, wanted))
+        for _ in range(START_STEPS):
+            vectors, _ = qr(self.factor.solve(self.mass @ vectors), mode="economic")
+        _, turn = eigh(vectors.T @ (self.stiffness @ vectors), vectors.T @ (self.mass @ vectors))
+        found = self.prolong(vectors @ turn[:, :count])
+        rest = noise.standard_normal((self.operator.size, count - found.shape[1]))
+        return np.concatenate([found, rest], axis=1)
 
 
 def coarse_cell(lattice: Lattice) -> int:
@@ -351,11 +358,15 @@ def lowest(
     )
     vectors, done = inverse.start(size), 0
     locked = np.zeros(size, dtype=bool)
-    for steps in ROUNDS:
-        vectors[:, ~locked] = _lobpcg(inverse, vectors[:, ~locked], vectors[:, locked], steps)
-        done += steps
-        values, vectors, residuals = _ritz(operator, vectors, shift)
-        locked = residuals <= TOLERANCE
+    goal = 0.1 * TOLERANCE * shift
+    for _ in range(ROUNDS):
+        vectors[:, ~locked] = _lobpcg(inverse, vectors[:, ~locked], vectors[:, locked], goal)
+        done += ROUND
+        values, vectors, residuals, scale = _ritz(operator, vectors, shift)
+        first = int(np.argmax(residuals > TOLERANCE))  # not converged, 0 where all are
+        # the others are kept orthogonal to those locked, whose errors must be small against theirs
+        goal = 0.1 * TOLERANCE * scale[first]
+        locked = (residuals * scale <= goal) & (np.arange(size) < first)
         worst = residuals[:count].max()
         tell(f"{done} iterations, {operator.applied:,} products: largest residual {worst:.1e}")
         if worst <= TOLERANCE:
@@ -369,7 +380,7 @@ def lowest(
     return Modes(frequencies, residuals[:count], shapes, done)
 
 
-def _lobpcg(inverse: TwoGrid, vectors: Array, locked: Array, steps: int) -> Array:
+def _lobpcg(inverse: TwoGrid, vectors: Array, locked: Array, goal: float) -> Array:
     """Better vectors after a few iterations of SciPy's LOBPCG, orthogonal to the locked ones."""
     from scipy.sparse.linalg import LinearOperator, lobpcg
 
@@ -384,31 +395,37 @@ def _lobpcg(inverse: TwoGrid, vectors: Array, locked: Array, steps: int) -> Arra
         return scale * (each(operator, columns) + inverse.shift * columns)
 
     def precondition(columns: Array) -> Array:
-        return inverse(columns.reshape(operator.size, -1))
+        return inverse(columns.reshape(operator.size, -1)) / scale
 
     shape = (operator.size, operator.size)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # that it was stopped before it converged
-        _, vectors = lobpcg(
+        better = lobpcg(
             LinearOperator(shape, matvec=apply, matmat=apply, dtype=np.float64),
             vectors,
             M=LinearOperator(shape, matvec=precondition, matmat=precondition, dtype=np.float64),
             Y=locked if locked.shape[1] else None,
-            tol=scale * TOLERANCE * inverse.shift,
-            maxiter=steps,
+            tol=scale * goal,
+            maxiter=ROUND,
             largest=False,
-        )
-    return vectors
+        )[1]
+    return np.asarray(better, dtype=np.float64)
 
 
-def _ritz(operator: TangentOperator, vectors: Array, shift: float) -> tuple[Array, Array, Array]:
-    """Ritz values, ascending, their orthonormal vectors and relative residuals (see ``Modes``)."""
+def _ritz(
+    operator: TangentOperator, vectors: Array, shift: float
+) -> tuple[Array, Array, Array, Array]:
+    """Ritz values, ascending, their orthonormal vectors, relative residuals (see ``Modes``).
+
+    And what the residuals are relative to.
+    """
     from scipy.linalg import eigh
 
     image = each(operator, vectors)
-    values, turn = eigh(vectors.T @ image, vectors.T @ vectors)
+    solved: Any = eigh(vectors.T @ image, vectors.T @ vectors)
+    values, turn = solved
     vectors, image = vectors @ turn, image @ turn
     image -= values * vectors
     elastic = values[values > 1e-3 * shift]
     scale = np.maximum(values, elastic[0] if len(elastic) else shift)
-    return values, vectors, np.linalg.norm(image, axis=0) / scale
+    return values, vectors, np.linalg.norm(image, axis=0) / scale, scale

@@ -30,8 +30,8 @@ class Name:
     """What a mode is.
 
     Attributes:
-        kind: "plate" (bending inside the circle), "in-plane" (mostly motion in the plane), "outside"
-            (mostly motion outside the circle), "rigid", or "other" (no circle to refer to).
+        kind: "plate" (bending inside the circle), "in-plane" (mostly motion in the plane),
+            "outside" (mostly motion outside the circle), "rigid", or "other" (there is no circle).
         diameters, circles: of a plate mode.
     """
 
@@ -45,9 +45,7 @@ class Name:
         return self.kind
 
 
-def nodal_lines(
-    x: Array, y: Array, deflection: Array, radius: float
-) -> tuple[int, int]:
+def nodal_lines(x: Array, y: Array, deflection: Array, radius: float) -> tuple[int, int]:
     """Nodal diameters and circles of a deflection inside a circle around the origin.
 
     The angular order with the largest integral of its squared amplitude names the diameters, sign

@@ -53,22 +53,22 @@ def plot_modes(
     plt.close(drawing)
 
 
-def _panel(
-    panel: Any, mode: "Mode", plane: tuple[Any, Any, Any], circles: Sequence[float]
-) -> Any:
+def _panel(panel: Any, mode: "Mode", plane: tuple[Any, Any, Any], circles: Sequence[float]) -> Any:
+    from scipy.ndimage import maximum_filter
+
     x, y, motion = (1e3 * plane[0], 1e3 * plane[1], plane[2])
     component = int(np.argmax(np.sum(motion**2, axis=(0, 1))))
     value = motion[..., component] / np.abs(motion).max()
     image = panel.pcolormesh(x, y, value, cmap="RdBu_r", vmin=-1, vmax=1, shading="nearest")
     if np.ptp(value) > 0.1 and min(value.shape) > 1:
-        # nothing moves under the clamp: its rounding has no nodal lines
-        quiet = np.where(np.abs(value) < 1e-3, np.nan, value)
-        panel.contour(x, y, quiet, levels=[0.0], colors="k", linewidths=0.6)
+        # nothing moves at and under the clamp: rounding there has no nodal lines
+        near = maximum_filter(np.abs(value), size=5)
+        panel.contour(
+            x, y, np.where(near < 0.05, np.nan, value), levels=[0.0], colors="k", linewidths=0.6
+        )
     angle = np.linspace(0, 2 * np.pi, 181)
     for radius in circles:
-        panel.plot(
-            1e3 * radius * np.cos(angle), 1e3 * radius * np.sin(angle), color="0.35", lw=0.5
-        )
+        panel.plot(1e3 * radius * np.cos(angle), 1e3 * radius * np.sin(angle), color="0.35", lw=0.5)
     along = "" if component == 2 else f", u_{'xy'[component]}"
     panel.set_title(f"{mode.number}  {mode.name}{along}  {1e-3 * mode.frequency:.2f}", fontsize=8)
     panel.set_aspect("equal")

@@ -114,7 +114,8 @@ def run(scene: Scene, out: Path, *, force: bool = False, quiet: bool = False) ->
 
 def linearised(scene: Scene) -> tuple[Scene, list[str]]:
     """The scene whose modes are computed, and what was changed for it, a line each."""
-    notes, changes = [], {}
+    notes: list[str] = []
+    changes: dict[str, Any] = {}
     if scene.clamp is not None and scene.clamp.kind == "rings":
         notes.append(
             "rings that may separate are not linear: taken as bonded (nodes of both faces between "
