@@ -48,7 +48,11 @@ def plot_modes(
         panel.set_xlabel("x [mm]", fontsize=8)
     bar = drawing.colorbar(image, ax=axes, shrink=0.6, aspect=30, ticks=[-1, 0, 1])
     bar.set_label("motion of the mid-plane over its largest", fontsize=8)
-    drawing.suptitle("Modes (nodal diameters, nodal circles), frequency in kHz", fontsize=11)
+    drawing.suptitle(
+        "Modes: number, (nodal diameters, nodal circles), frequency in kHz\n"
+        "black: nodal lines; grey: the clamp's circles",
+        fontsize=11,
+    )
     drawing.savefig(file, dpi=110)
     plt.close(drawing)
 
@@ -64,7 +68,7 @@ def _panel(panel: Any, mode: "Mode", plane: tuple[Any, Any, Any], circles: Seque
         # nothing moves at and under the clamp: rounding there has no nodal lines
         near = maximum_filter(np.abs(value), size=5)
         panel.contour(
-            x, y, np.where(near < 0.05, np.nan, value), levels=[0.0], colors="k", linewidths=0.6
+            x, y, np.where(near < 0.02, np.nan, value), levels=[0.0], colors="k", linewidths=0.6
         )
     angle = np.linspace(0, 2 * np.pi, 181)
     for radius in circles:

@@ -30,7 +30,7 @@ CORE = 0.45
 SQUARENESS = 0.5, 0.8
 """Share of the square in the core's outline, and half its side over the core's radius."""
 
-GRADING = 4.0
+GRADING = 10.0
 """Ratio of the largest to the smallest element side towards the clamp's inner edge, where stress is
 singular, along the radius and through the thickness."""
 
@@ -75,8 +75,9 @@ def clamped_plate(size: Sequence[float], inner: float, outer: float, refine: int
     from skfem import MeshHex2, MeshQuad
 
     half = (size[0] / 2, size[1] / 2, size[2] / 2)
-    count = 3 * refine
-    rings = (3 * refine, 2 * refine, 2 * refine)
+    # stress is singular at the circles only: most elements stand along the radius
+    count = 2 * refine + 1
+    rings = (5 * refine, 3 * refine, refine + 1)
     levels = sum(rings)
     line = np.linspace(0, 1, count + 1)
     core = MeshQuad.init_tensor(line, line)
@@ -85,7 +86,7 @@ def clamped_plate(size: Sequence[float], inner: float, outer: float, refine: int
     right = MeshQuad(np.stack([wedge.p[0], wedge.p[0] * wedge.p[1]]), wedge.t)
     above = MeshQuad(right.p[::-1].copy(), right.t[::-1].copy())
     flat = (core + right + above).with_boundaries({})
-    thick = _extrude(flat, _graded(refine + 1, 1 / GRADING))
+    thick = _extrude(flat, _graded(2 * refine, 1 / GRADING))
     mesh = MeshHex2.from_mesh(thick)
     places = np.array(mesh.doflocs)
     radii = _ring_radii(inner, outer, rings)
