@@ -1,4 +1,4 @@
-"""The command line: `ldem impact`, `tension`, `bend`, `wave`, `modes`, `info`, `render`, `plot`. No physics.
+"""The command line: a command for each scenario, and `info`, `render`, `plot`. No physics.
 
 Heavy modules are imported inside the commands, Taichi only once the scene and the run folder are
 known to be good: help and refusals are quick.

@@ -100,7 +100,7 @@ class TangentOperator:
         self.size = 3 * len(self.nodes)
         self.applied = 0
         self._motion = np.zeros((2, *lattice.sites, 3))
-        self._force = np.zeros_like(self._motion)
+        self._acceleration = np.zeros_like(self._motion)
 
     def spread(self, vector: Array) -> Array:
         """(2, *S, 3) displacements of a vector, m; zero at nodes that are fixed or do not exist."""
@@ -118,12 +118,15 @@ class TangentOperator:
         scale = AMPLITUDE * spacing / largest
         self._motion.reshape(-1, 3)[self.nodes] = scale * motion
         self.dynamics.set_displacement(0, self._motion)
-        self.dynamics.forces(0, spacing, np.inf)
-        self.dynamics.get_force(0, spacing, self._force)
+        # as Dynamics.get_acceleration, without keeping velocities: nothing moves here
+        for field in self.dynamics.fields()["velocity"]:
+            field.fill(0)
+        self.dynamics.kick(0, 1.0)
+        self.dynamics.get_velocity(self._acceleration)
         self.applied += 1
-        force = self._force.reshape(-1, 3)[self.nodes]
-        force *= (-1 / scale / self.root_mass)[:, None]
-        return force.ravel()
+        acceleration = self._acceleration.reshape(-1, 3)[self.nodes]
+        acceleration *= (-self.root_mass / scale)[:, None]
+        return acceleration.ravel()
 
     @cached_property
     def largest(self) -> float:
@@ -160,7 +163,9 @@ def stiffness(dynamics: "Dynamics", basis: Any = None) -> Any:
     if basis is None:
         basis = sparse.identity(2 * sites, format="csr")
     kinds = dynamics.stiffness.to_numpy()[lattice.code.ravel()]
-    removed = dynamics.removed.to_numpy().ravel() if dynamics.features.notch else None
+    removed = None
+    if dynamics.features.notch:
+        removed = dynamics.lanes.gather(dynamics.removed.to_numpy()).ravel()
     total = sparse.csr_matrix((3 * basis.shape[1],) * 2)
     for bar, vector in enumerate(BAR_VECTORS):
         k = kinds[:, min(bar, DIAGONAL.start)]

@@ -779,9 +779,6 @@ def _explain(fault: ErrorDetails, data: object) -> str:
     if kind == "missing":
         return _missing(location, data)
     value = fault["input"]
-    if key == "scenario" and value in LATER_SCENARIOS:
-        known = 'use "impact", "tension", "bend" or "wave"'
-        return f"scenario = {_show(value)}: not available in this version, {known}"
     return f"{key} = {_show(value)}: {_wish(fault, location)}"
 
 

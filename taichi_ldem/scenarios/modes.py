@@ -146,7 +146,7 @@ def build(scene: Scene) -> "tuple[Dynamics, npt.NDArray[np.int32]]":
     bars = material.bar_families(scene.material, lattice.spacing, scene.plate.stiffness)
     dynamics = Dynamics(lattice, bars, scene.material.density, Features(notch=bool(scene.notch)))
     if scene.notch:
-        dynamics.removed.from_numpy(notch_bars(scene, lattice))
+        dynamics.set_removed(notch_bars(scene, lattice))
     if scene.clamp is None or not scene.held:
         return dynamics, np.zeros(0, dtype=np.int32)
     return dynamics, Rings(dynamics, scene.clamp, scene.plate).listed()
