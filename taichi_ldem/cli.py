@@ -1,4 +1,4 @@
-"""The command line: `ldem impact`, `tension`, `bend`, `wave`, `info`, `render`, `plot`. No physics.
+"""The command line: a command for each scenario, and `info`, `render`, `plot`. No physics.
 
 Heavy modules are imported inside the commands, Taichi only once the scene and the run folder are
 known to be good: help and refusals are quick.
@@ -117,6 +117,32 @@ def wave(
     scene, folder = _prepare("wave", scene_file, out, force, settings, options)
 
     from taichi_ldem.scenarios.wave import run
+
+    raise typer.Exit(run(scene, folder, force=force, quiet=quiet))
+
+
+@app.command()
+def modes(
+    scene_file: SceneFile,
+    count: Annotated[int | None, typer.Option(help="number of modes, from the lowest")] = None,
+    out: Out = None,
+    force: Force = False,
+    threads: Threads = None,
+    settings: Settings = None,
+    quiet: Quiet = False,
+) -> None:
+    """Natural frequencies and shapes of any scene's lattice, without its striker and damage."""
+    options = {"modes.count": count, "solver.threads": threads}
+    given = [f"{key}={value}" for key, value in options.items() if value is not None]
+
+    from taichi_ldem.scene import load_scene
+    from taichi_ldem.store import RunFolder
+
+    scene = load_scene(scene_file, [*(settings or ()), *given])
+    folder = Path("outputs", scene_file.stem) if out is None else out
+    RunFolder.check(folder, force=force)
+
+    from taichi_ldem.scenarios.modes import run
 
     raise typer.Exit(run(scene, folder, force=force, quiet=quiet))
 

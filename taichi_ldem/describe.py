@@ -112,6 +112,8 @@ def describe(scene: Scene) -> Group:
         f"({simulation.time_step / simulation.critical_time_step:.2f} of the critical one)",
         "steps": f"{simulation.steps:,}",
     }
+    if scene.scenario == "modes":  # does not step in time
+        del rows["time step"], rows["steps"]
     table = Table("quantity", "value", title="what the inputs imply")
     for name, value in rows.items():
         table.add_row(name, value)

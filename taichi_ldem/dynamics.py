@@ -708,9 +708,11 @@ class Dynamics:
         """Set all velocities from (2, nz + 3, ny + 3, nx + 3, 3) values, m/s; ghosts zero."""
         self._set_velocity(np.ascontiguousarray(values, dtype=np.float64))
 
-    def get_velocity(self) -> npt.NDArray[np.float64]:
-        """(2, nz + 3, ny + 3, nx + 3, 3) velocities of all nodes, m/s."""
-        values = np.zeros((2, *self.sites, 3))
+    def get_velocity(
+        self, values: npt.NDArray[np.float64] | None = None
+    ) -> npt.NDArray[np.float64]:
+        """(2, nz + 3, ny + 3, nx + 3, 3) velocities of all nodes, m/s, put into ``values``."""
+        values = np.zeros((2, *self.sites, 3)) if values is None else values
         self._get_velocity(values)
         return values
 

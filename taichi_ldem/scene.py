@@ -36,6 +36,7 @@ MAX_STEPS = 10**12
 MAX_SAMPLES = 10**7
 MAX_FRAMES = 10**4
 MAGNITUDE = 1e20  # of numbers in SI units, and one over it
+NO_DURATION = 1.0  # s, of a scene that does not step in time
 ROUNDING = 0.01  # largest relative change of a side that is rounded to whole modules
 
 
@@ -425,10 +426,18 @@ class Notch(_Table):
         return (min(a, b), max(a, b)), (min(c, d), max(c, d))
 
 
+class Modes(_Table):
+    """What `ldem modes` computes."""
+
+    count: Annotated[int, Field(strict=True, ge=1, le=1000)] = Field(
+        default=18, description="number of modes, from the lowest"
+    )
+
+
 class Scene(_Table):
     """A complete scene. A table that is left out (None) is a feature that is left out."""
 
-    scenario: Literal["impact", "tension", "bend", "wave"]
+    scenario: Literal["impact", "tension", "bend", "wave", "modes"]
     plate: Plate
     material: Material
     striker: Striker | None = None
@@ -439,6 +448,17 @@ class Scene(_Table):
     solver: Solver
     output: Output = Output()
     notch: tuple[Notch, ...] = ()
+    modes: Modes | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _no_time(cls, data: Any) -> Any:
+        # natural frequencies need no end time: any will do
+        if isinstance(data, Mapping) and data.get("scenario") == "modes":
+            solver = data.get("solver", {})
+            if isinstance(solver, Mapping):
+                return {**data, "solver": {"duration": NO_DURATION, **solver}}
+        return data
 
     @property
     def held(self) -> bool:
@@ -621,8 +641,7 @@ class Scene(_Table):
 # --- reading and writing --------------------------------------------------------------------------
 
 # Keys that belong to the format but not to this version: a nearest-key hint would mislead.
-LATER_KEYS = ("disorder", "modes", "plate.perturbation")
-LATER_SCENARIOS = ("modes",)
+LATER_KEYS = ("disorder", "plate.perturbation")
 
 # An override of one replaces the other.
 EXCLUSIVE: dict[tuple[str, ...], str] = {
@@ -760,9 +779,6 @@ def _explain(fault: ErrorDetails, data: object) -> str:
     if kind == "missing":
         return _missing(location, data)
     value = fault["input"]
-    if key == "scenario" and value in LATER_SCENARIOS:
-        known = 'use "impact", "tension", "bend" or "wave"'
-        return f"scenario = {_show(value)}: not available in this version, {known}"
     return f"{key} = {_show(value)}: {_wish(fault, location)}"
 
 
@@ -830,6 +846,7 @@ def _table_at(location: tuple[int | str, ...]) -> type[_Table]:
         "solver": Solver,
         "output": Output,
         "notch": Notch,
+        "modes": Modes,
     }
     return tables[location[0]] if location else Scene
 

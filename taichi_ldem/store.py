@@ -34,12 +34,14 @@ _OWN_FILES = re.compile(
     r"scene\.toml|history\.csv|fields\.vtkhdf|summary\.json|summary\.json\.tmp"
     r"|(force|velocity|energy|stress_strain|crack_map|cracks|crack_growth)\.png"
     r"|(pulse|dispersion|anisotropy)\.png|(probes|profiles)\.csv"
+    r"|modes\.(csv|md|png|vtkhdf)"
     r"|crack_[0-9.]+ms_(below|above|cut)\.png"
 )
 
 # The eight corners of a module as (dx, dy, dz), in VTK_HEXAHEDRON's order.
 _CORNERS = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1))
 _VTK_HEXAHEDRON = 12
+_PACKED: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 
 BAR_NUMBERING = (
     "bar of a site: 0-2 corner edges along x, y, z; 3-5 centre-to-centre bars along x, y, z; "
@@ -254,13 +256,7 @@ class FieldWriter:
         self._path = Path(path)
         self._points, self._cells = len(points), len(hexahedra)
         with h5py.File(self._path, "w", locking=False) as file:
-            root = file.create_group("VTKHDF")
-            # VTK reads the type only as a fixed-length ASCII string.
-            kind = b"UnstructuredGrid"
-            root.attrs.create("Type", kind, dtype=h5py.string_dtype("ascii", len(kind)))
-            # 2.2 is the first version that admits groups beside /VTKHDF.
-            root.attrs.create("Version", np.array([2, 2], dtype=np.int64))
-            _write_mesh(root, points, hexahedra)
+            root = _write_mesh(file, points, hexahedra)
             _write_steps(root)
             _growing(root, "PointData/displacement_m", (self._points, 3), np.float32)
             _growing(root, "PointData/velocity_m_s", (self._points, 3), np.float32)
@@ -326,16 +322,37 @@ class FieldWriter:
                 _put(group[name], start, array)
 
 
-def _write_mesh(root: h5py.Group, points: FloatArray, hexahedra: IntArray) -> None:
-    packed: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+def write_vectors(
+    path: Path, points: FloatArray, hexahedra: IntArray, vectors: dict[str, FloatArray]
+) -> None:
+    """Write named vectors at the points, without time, as a VTKHDF unstructured grid.
+
+    points: (P, 3) [m]; hexahedra: (C, 8) point numbers, VTK's order; vectors: (P, 3) each, stored
+    in single precision.
+    """
+    with h5py.File(path, "w", locking=False) as file:
+        fields = _write_mesh(file, points, hexahedra).create_group("PointData")
+        for name, values in vectors.items():
+            fields.create_dataset(name, data=np.asarray(values, dtype=np.float32), **_PACKED)
+
+
+def _write_mesh(file: h5py.File, points: FloatArray, hexahedra: IntArray) -> h5py.Group:
+    """The group /VTKHDF with its mesh."""
+    root = file.create_group("VTKHDF")
+    # VTK reads the type only as a fixed-length ASCII string.
+    kind = b"UnstructuredGrid"
+    root.attrs.create("Type", kind, dtype=h5py.string_dtype("ascii", len(kind)))
+    # 2.2 is the first version that admits groups beside /VTKHDF.
+    root.attrs.create("Version", np.array([2, 2], dtype=np.int64))
     cells = len(hexahedra)
     connectivity = np.asarray(hexahedra, dtype=np.int64).ravel()
     for name, count in (("Points", len(points)), ("Cells", cells), ("ConnectivityIds", 8 * cells)):
         root.create_dataset(f"NumberOf{name}", data=np.array([count], dtype=np.int64))
-    root.create_dataset("Points", data=np.asarray(points, dtype=np.float64), **packed)
-    root.create_dataset("Connectivity", data=connectivity, **packed)
-    root.create_dataset("Offsets", data=8 * np.arange(cells + 1, dtype=np.int64), **packed)
-    root.create_dataset("Types", data=np.full(cells, _VTK_HEXAHEDRON, dtype=np.uint8), **packed)
+    root.create_dataset("Points", data=np.asarray(points, dtype=np.float64), **_PACKED)
+    root.create_dataset("Connectivity", data=connectivity, **_PACKED)
+    root.create_dataset("Offsets", data=8 * np.arange(cells + 1, dtype=np.int64), **_PACKED)
+    root.create_dataset("Types", data=np.full(cells, _VTK_HEXAHEDRON, dtype=np.uint8), **_PACKED)
+    return root
 
 
 def _write_steps(root: h5py.Group) -> None:

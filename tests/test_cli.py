@@ -72,9 +72,6 @@ BAD = {
     "unknown_table": Bad("[striker]", "[stricker]", "unknown key 'stricker'; did you mean 'str"),
     "unknown_kind": Bad('"rings"', '"glued"', 'must be "rings", "bonded", "rim" or "free"'),
     "unknown_scenario": Bad('"impact"', '"impakt"', 'scenario = "impakt": must be "impact"'),
-    "later_scenario": Bad(
-        '"impact"', '"modes"', 'scenario = "modes": not available in this version'
-    ),
     "later_table": Bad(
         STEP, f"{STEP}\n[disorder]\nseed = 1", "'disorder' is not available in this"
     ),
