@@ -2,9 +2,13 @@
 
 import contextlib
 import ctypes
+
+
+import functools
 import os
 import sys
 from collections.abc import Iterator
+from textwrap import TextWrapper
 
 from taichi_ldem.scene import SceneError, Solver
 
@@ -43,6 +47,22 @@ def vulkan_device() -> bool:
     return not failed and count.value > 0
 
 
+class _RememberingWrapper(TextWrapper):
+    """TextWrapper that wraps a line once.
+
+    Taichi wraps the source line of every node of every kernel for error messages that are never
+    shown: a quarter of the start of a cached scene.
+    """
+
+    def wrap(self, text: str) -> list[str]:
+        return _wrapped(text, self.width)
+
+
+@functools.lru_cache(maxsize=100_000)
+def _wrapped(text: str, width: int) -> list[str]:
+    return TextWrapper(width=width).wrap(text)
+
+
 def start(solver: Solver) -> None:
     """Import and initialise Taichi for a scene; call it before any module with kernels is imported.
 
@@ -57,7 +77,9 @@ def start(solver: Solver) -> None:
         raise SceneError('solver.arch = "vulkan": no Vulkan device here; use "cpu"')
     with _silent_stdout():
         import taichi as ti
+        from taichi.lang.ast import ast_transformer_utils
 
+        ast_transformer_utils.TextWrapper = _RememberingWrapper
         # not ti.gpu, which also looks for Vulkan and may abort in its driver
         arch = {"cpu": ti.cpu, "vulkan": ti.vulkan}.get(solver.arch, ti.cuda)
         real = ti.f64 if solver.precision == "f64" else ti.f32
