@@ -2,8 +2,6 @@
 
 import contextlib
 import ctypes
-
-
 import functools
 import os
 import sys
