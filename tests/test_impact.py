@@ -168,7 +168,7 @@ def test_a_gpu_backend_takes_the_same_steps(scene: Path, tmp_path: Path) -> None
     histories = []
     for arch in ("cpu", "vulkan"):
         out = tmp_path / arch
-        words = ["--set", "solver.duration=2e-5", "--precision", "f32", "--arch", arch, "--quiet"]
+        words = ["--set", "solver.duration=1e-5", "--precision", "f32", "--arch", arch, "--quiet"]
         done = subprocess.run(
             [*COMMAND, "impact", str(scene), "--out", str(out), *words],
             capture_output=True,
