@@ -21,7 +21,7 @@ def critical_time_step(dynamics: Dynamics) -> float:
     """2 / omega_max of the lattice at rest, s.
 
     The Lanczos value approaches omega_max^2 from below; its tolerance of 1e-3 means half of that in
-    the time step. Displacements are left at zero.
+    the time step. Displacements and velocities are left at zero.
     """
     from scipy.sparse.linalg import LinearOperator, eigsh
 
@@ -30,12 +30,18 @@ def critical_time_step(dynamics: Dynamics) -> float:
     root = np.sqrt(np.moveaxis(mass, -1, 0))[..., None]
     inverse = np.divide(1.0, root, out=np.zeros_like(root), where=root > 0)
     amplitude = 1e-6 * dynamics.lattice.spacing / inverse.max()
-    now = 0
+    factor = -root / amplitude
+    now, rest, acceleration = 0, np.zeros(shape), np.zeros(shape)
+    dynamics.set_velocity(rest)
 
     def apply(vector: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         # strains of 1e-6 and less: the non-linear kernels answer linearly
         dynamics.set_displacement(now, amplitude * inverse * vector.reshape(shape))
-        return (-root * dynamics.get_acceleration(now) / amplitude).ravel()
+        # the step's own operator: from rest and for a second, velocities are accelerations
+        dynamics.kick(now, 1.0)
+        dynamics.get_velocity(acceleration)
+        dynamics.set_velocity(rest)
+        return (factor * acceleration).ravel()
 
     size = int(np.prod(shape))
     operator = LinearOperator((size, size), matvec=apply, dtype=np.float64)
@@ -50,5 +56,5 @@ def critical_time_step(dynamics: Dynamics) -> float:
         return_eigenvectors=False,
     )
     for buffer in (0, 1):
-        dynamics.set_displacement(buffer, np.zeros(shape))
+        dynamics.set_displacement(buffer, rest)
     return float(2 / np.sqrt(value[0]))
