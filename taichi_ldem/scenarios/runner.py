@@ -176,7 +176,7 @@ def _text(value: Any) -> str:
 History = list[dict[str, Any]]
 """Rows of the history: its columns' names and values, and ``energy_error_of_plate``."""
 
-Summary = Callable[["Simulation", History], dict[str, Any]]
+Summary = Callable[["Simulation", History, RunFolder], dict[str, Any]]
 """A scenario's own numbers of a finished run, for ``summary.json``."""
 
 Observe = Callable[["Simulation", "Sample"], None]
@@ -473,7 +473,7 @@ def _finish(work: _Work, summary: Summary, wall: float, compiled: float) -> None
     scene, history = work.simulation.scene, work.history
     if scene.striker is not None and not any(r["striker_force_n"] for r in history):
         print("warning: the striker never touched the plate (striker.gap?)", file=sys.stderr)
-    numbers = summary(work.simulation, history)
+    numbers = summary(work.simulation, history, work.folder)
     numbers |= cost(work.simulation, history, wall, compiled)
     work.folder.write_summary(numbers | {"provenance": provenance(scene)})
 
