@@ -1,4 +1,4 @@
-"""The command line: a command for each scenario, and `info`, `render`, `plot`. No physics.
+"""The command line: a command a scenario, `resume`, `info`, `render`, `plot`. No physics.
 
 Heavy modules are imported inside the commands, Taichi only once the scene and the run folder are
 known to be good: help and refusals are quick.
@@ -148,6 +148,20 @@ def modes(
 
 
 @app.command()
+def resume(
+    folder: Folder,
+    extend: Annotated[
+        float, typer.Option(metavar="SECONDS", help="run on past the end, seconds of simulation")
+    ] = 0.0,
+    quiet: Annotated[bool, typer.Option("--quiet", help="print nothing on success")] = False,
+) -> None:
+    """Go on with a run that was cut off, from its last checkpoint."""
+    from taichi_ldem.scenarios import runner
+
+    raise typer.Exit(runner.resume(folder, extend=extend, quiet=quiet))
+
+
+@app.command()
 def info(scene_file: SceneFile, settings: Settings = None) -> None:
     """Print what a scene implies, without running it."""
     scene = _load(scene_file, settings or ())
@@ -187,7 +201,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code.
 
     0: done; 1: a file could not be read or written; 2: bad input; 3: stopped by the run-time
-    guard; 130: interrupted. Errors are one line on stderr.
+    guard; 4: a run could no longer write its files; 130: interrupted; 143: terminated. Errors are
+    one line on stderr.
     """
     arguments = sys.argv[1:] if arguments is None else arguments
     try:

@@ -17,7 +17,8 @@ so that the ledger is exact at the sampled time itself.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -67,6 +68,9 @@ class RigidBody:
     moving = True
     """Whether the list has to be made anew while the plate moves."""
 
+    state: Any = None
+    """What moves about the body itself, if anything does."""
+
     def __init__(self, dynamics: Dynamics, numbers: Sequence[float], capacity: int):
         self.dynamics = dynamics
         self.numbers = field_apart(ti.f64, len(numbers))
@@ -94,6 +98,34 @@ class RigidBody:
         self.nodes.from_numpy(padded)
         self.count[0] = count
         self.note_velocities()
+
+    def saved_state(self) -> dict[str, npt.NDArray]:
+        """Copies of what the next step starts from: list, velocities, sums, the body's motion."""
+        count = self.count[None]
+        own = {} if self.state is None else {"state": self.state.to_numpy()}
+        before = self.before.to_numpy()[:count]
+        return own | {"sums": self.collected(), "nodes": self.listed(), "before": before}
+
+    def restore_state(self, saved: Mapping[str, npt.NDArray]) -> None:
+        """Continue from ``saved_state``.
+
+        Raises:
+            ValueError: a list that is none of this body's.
+        """
+        nodes, before = saved["nodes"], saved["before"]
+        inside = not len(nodes) or (nodes.min() >= 0 and nodes.max() < self._node_numbers())
+        if len(nodes) > self.capacity or len(before) != len(nodes) or not inside:
+            raise ValueError("a rigid body's list of nodes is of another lattice")
+        self.set_nodes(nodes, len(nodes))
+        padded = np.zeros((self.capacity, 3), dtype=before.dtype)
+        padded[: len(before)] = before
+        self.before.from_numpy(padded)
+        self.sums.from_numpy(saved["sums"])
+        if self.state is not None:
+            self.state.from_numpy(saved["state"])
+
+    def _node_numbers(self) -> int:
+        return 2 * int(np.prod(self.dynamics.sites))
 
     def listed(self) -> npt.NDArray[np.int32]:
         """Numbers of the listed nodes, ascending."""

@@ -14,6 +14,7 @@ Numbers that a study varies (time step, stiffness, masses, law parameters) are k
 small tables, so they never recompile anything; which features exist does.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -256,6 +257,28 @@ class Dynamics:
             field.from_numpy(values.astype(self.numpy_float()))
         touched = (stored > 1).any(axis=(0, -1)) | (self.touched.to_numpy() != 0)
         self.touched.from_numpy(touched.astype(np.uint8))
+
+    EVOLVING = ("velocity", "peak", "touched", "recorded", "damped")
+    """Fields that carry the state from one step to the next, where a scene has them, beside the
+    displacement at ``now``: the bar forces and the other buffer are overwritten in every step."""
+
+    def saved_state(self, now: int) -> dict[str, npt.NDArray]:
+        """Copies of what the next step starts from, between two steps, as it is stored."""
+        fields = self.fields()
+        saved = {
+            name: np.stack([field.to_numpy() for field in fields[name]])
+            for name in self.EVOLVING
+            if name in fields
+        }
+        moved = [field.to_numpy()[now] for field in fields["displacement"]]
+        return saved | {"displacement": np.stack(moved)}
+
+    def restore_state(self, saved: Mapping[str, npt.NDArray]) -> None:
+        """Continue from ``saved_state``, with the displacement in both buffers."""
+        both = {"displacement": np.stack([saved["displacement"]] * 2, axis=1)}
+        for name, values in (saved | both).items():  # type: ignore[operator]
+            for field, part in zip(self.fields()[name], values, strict=True):
+                field.from_numpy(np.ascontiguousarray(part))
 
     @staticmethod
     def numpy_float() -> type[np.floating]:

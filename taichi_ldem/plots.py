@@ -122,7 +122,7 @@ def plot_run(folder: RunFolder) -> list[Path]:
             FigureCanvasAgg(figure)
             draw(figure, run)
             written.append(folder.path / f"{name}.png")
-            figure.savefig(written[-1])
+            figure.savefig(written[-1], metadata=folder.picture_metadata())
     return written
 
 

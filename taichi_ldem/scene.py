@@ -400,6 +400,9 @@ class Output(_Table):
     filter_frequencies: tuple[Positive, ...] = Field(
         default=(), description="cut-offs of the low-pass filtered force in the force figure, Hz"
     )
+    checkpoint_interval: NonNegative = Field(
+        default=300.0, description="between checkpoints, seconds of wall time; 0: none at all"
+    )
 
 
 class Notch(_Table):
@@ -698,6 +701,11 @@ def parse_scene(
         raise SceneError(f"{name}: {message}") from None
 
 
+def parse_scene_text(text: str, name: str) -> Scene:
+    """A scene from TOML text; `name` opens the message of errors, SceneError as `load_scene`."""
+    return parse_scene(_toml(text.encode(), name), name)
+
+
 def scene_to_toml(scene: Scene) -> str:
     """The resolved scene, defaults included, as TOML that `load_scene` reads to an equal Scene."""
     data = scene.model_dump(by_alias=True, exclude_none=True)
@@ -719,14 +727,18 @@ def _read(path: Path) -> dict[str, Any]:
         raise SceneError(f"{path}: cannot be read: {reason}") from None
     if len(content) > MAX_FILE_BYTES:
         raise SceneError(f"{path}: larger than {MAX_FILE_BYTES >> 20} MiB, no scene")
+    return _toml(content, path.name)
+
+
+def _toml(content: bytes, name: str) -> dict[str, Any]:
     try:
         return tomllib.loads(content.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         line = content[: error.start].count(b"\n") + 1
-        raise SceneError(f"{path.name}: line {line} is not UTF-8 text") from None
+        raise SceneError(f"{name}: line {line} is not UTF-8 text") from None
     except (ValueError, RecursionError) as error:  # ValueError: also an integer of 5000 digits
         reason = "nested too deeply" if isinstance(error, RecursionError) else error
-        raise SceneError(f"{path.name}: not valid TOML: {reason}") from None
+        raise SceneError(f"{name}: not valid TOML: {reason}") from None
 
 
 def _parse_override(text: str) -> _Override:

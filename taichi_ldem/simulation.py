@@ -2,8 +2,9 @@
 
 import math
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -171,7 +172,7 @@ class Simulation:
         self.energies = EnergySums(self.dynamics)
         self.now, self.step_number = 0, 0
         self._start: Ledger | None = None
-        self._last: Sample | None = None
+        self._last: float | None = None
         self._impulses = np.zeros(4)
 
     def _choose_time_step(self) -> tuple[float, int]:
@@ -284,13 +285,14 @@ class Simulation:
             lost,
             external,
         )
-        self._last = self._row(step, at, ledger, int(total[BROKEN]), moved)
-        return self._last
+        sample = self._row(step, at, ledger, int(total[BROKEN]), moved)
+        self._last = at
+        return sample
 
     def _row(self, step: int, at: float, ledger: Ledger, broken: int, moved: float) -> Sample:
         if self._start is None:
             self._start = ledger
-        since = at - self._last.time if self._last is not None else self.time_step
+        since = at - self._last if self._last is not None else self.time_step
         forces: list[float | None] = [None, None, None, None]
         for n, body in enumerate((self.striker, self.rings, self.grips, self.supports)):
             if body is not None:
@@ -320,20 +322,30 @@ class Simulation:
             forces[3],
         )
 
-    def samples(self) -> Iterator[Sample]:
-        """Run to the scene's end, yielding the history row by row.
+    def samples(self, between: Callable[[], None] = lambda: None) -> Iterator[Sample]:
+        """Run to the scene's end from where it is, yielding the history row by row.
 
         The last row is the end's, also where it falls within an interval.
+
+        Args:
+            between: called now and then between two steps, where the state is whole.
 
         Raises:
             SimulationStopped: a NaN, or an energy error above 5 %.
         """
         while self.step_number <= self.steps:
+            due = -(-self.step_number // self.sample_every) * self.sample_every
+            self._advance_to(min(due, self.steps), between)
             sample = self.sample_step()
             yield sample
             self._guard(sample)
-            if sample.step < self.steps:
-                self.advance(min(self.sample_every, self.steps - sample.step) - 1)
+
+    def _advance_to(self, step: int, between: Callable[[], None]) -> None:
+        between()
+        while self.step_number < step:
+            listing = STEPS_BETWEEN_LISTS - self.step_number % STEPS_BETWEEN_LISTS
+            self.advance(min(listing, step - self.step_number))
+            between()
 
     def _guard(self, sample: Sample) -> None:
         """Stop at the first NaN or at 5 % energy error (the run's limit for a wrong answer)."""
@@ -410,6 +422,77 @@ class Simulation:
                 if isinstance(value, ti.Field):
                     sizes[f"{part}.{name}"] = field_bytes(value)
         return sizes | {"energies.rows": field_bytes(self.energies.rows)}
+
+    # -- saving
+    # -----------------------------------------------------------------------------------
+
+    def _parts(self) -> dict[str, Any]:
+        """Whatever has a state of its own, by name; what a scene leaves out is not there."""
+        return {n: part for n, part in vars(self).items() if hasattr(part, "saved_state")}
+
+    def saved_state(self) -> dict[str, npt.NDArray]:
+        """What the next step starts from, between two steps: arrays by names ``part/field``.
+
+        Of the time step only the critical one is kept, which a solver's rounding may change from
+        machine to machine; the rest follows from the scene.
+        """
+        start = [] if self._start is None else list(vars(self._start).values())
+        saved = {
+            "clock/step_number": np.array(self.step_number),
+            "clock/now": np.array(self.now),
+            "clock/critical_time_step": np.array(self.critical_time_step),
+            "ledger/start": np.array(start, dtype=np.float64),
+            "ledger/last": np.array([] if self._last is None else [self._last]),
+            "ledger/impulses": self._impulses.copy(),
+        }
+        for name, part in self._parts().items():
+            own = part.saved_state(self.now) if part is self.dynamics else part.saved_state()
+            saved |= {f"{name}/{field}": values for field, values in own.items()}
+        return saved
+
+    def restore_state(self, saved: Mapping[str, npt.NDArray]) -> None:
+        """Continue from ``saved_state`` of a simulation of the same scene.
+
+        Raises:
+            ValueError: what is saved does not fit; nothing has been changed then, or all is void.
+        """
+        self._refuse_unfit(saved)
+        self.step_number, self.now = int(saved["clock/step_number"]), int(saved["clock/now"])
+        self.critical_time_step = float(saved["clock/critical_time_step"])
+        self.time_step, self.sample_every = self._choose_time_step()
+        self.steps = round(self.scene.solver.duration / self.time_step)
+        start, last = saved["ledger/start"], saved["ledger/last"]
+        self._start = Ledger(*(float(value) for value in start)) if len(start) else None
+        self._last = float(last[0]) if len(last) else None
+        self._impulses = saved["ledger/impulses"].copy()
+        for name, part in self._parts().items():
+            prefix = f"{name}/"
+            part.restore_state(
+                {n.removeprefix(prefix): v for n, v in saved.items() if n.startswith(prefix)}
+            )
+
+    def _refuse_unfit(self, saved: Mapping[str, npt.NDArray]) -> None:
+        """Raise ValueError unless names, types and shapes are those of this simulation's state."""
+        mine = self.saved_state()
+        for name in sorted(mine.keys() ^ saved.keys()):
+            raise ValueError(f"'{name}' is {'missing' if name in mine else 'not of this scene'}")
+        for name, values in saved.items():
+            own = mine[name]
+            free = name.endswith(("/nodes", "/before", "/start", "/last"))  # of any length
+            same = values.shape[1:] == own.shape[1:] if free else values.shape == own.shape
+            if not same or values.ndim != own.ndim or values.dtype != own.dtype:
+                raise ValueError(f"'{name}' has another shape or type")
+        if len(saved["ledger/start"]) not in (0, len(fields(Ledger))) or (
+            len(saved["ledger/last"]) != bool(len(saved["ledger/start"]))
+        ):
+            raise ValueError("'ledger' has another shape")
+        critical = float(saved["clock/critical_time_step"])
+        if not abs(critical - self.critical_time_step) <= 1e-6 * self.critical_time_step:
+            raise ValueError(
+                f"the critical time step was {critical:.6g} s, is {self.critical_time_step:.6g} s"
+            )
+        if saved["clock/now"] not in (0, 1) or not 0 <= saved["clock/step_number"] <= 10**12:
+            raise ValueError("'clock' is not a step's")
 
     # -- results
     # ------------------------------------------------------------------------------------

@@ -10,11 +10,10 @@ from __future__ import annotations
 import io
 import json
 import math
-import os
 import re
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -24,6 +23,15 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from taichi_ldem.durable import (
+    LOCK,
+    Appending,
+    created,
+    locked,
+    patched,
+    refuse_locked,
+    write_whole,
+)
 from taichi_ldem.scene import SceneError
 
 FloatArray = NDArray[np.floating[Any]]
@@ -31,7 +39,8 @@ IntArray = NDArray[np.integer[Any]]
 
 # What a run and its pictures leave in the folder: all that `--force` may remove.
 _OWN_FILES = re.compile(
-    r"scene\.toml|history\.csv|fields\.vtkhdf|summary\.json|summary\.json\.tmp"
+    r"(scene\.toml|history\.csv|fields\.vtkhdf|summary\.json|run\.json)(\.tmp)?"
+    r"|checkpoint(\.previous|\.new)?\.h5(\.tmp)?"
     r"|(force|velocity|energy|stress_strain|crack_map|cracks|crack_growth)\.png"
     r"|(pulse|dispersion|anisotropy)\.png|(probes|profiles)\.csv"
     r"|modes\.(csv|md|png|vtkhdf)"
@@ -42,6 +51,8 @@ _OWN_FILES = re.compile(
 _CORNERS = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1))
 _VTK_HEXAHEDRON = 12
 _PACKED: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+
+_FIELDS = ("PointData/displacement_m", "PointData/velocity_m_s", "CellData/broken_fraction")
 
 BAR_NUMBERING = (
     "bar of a site: 0-2 corner edges along x, y, z; 3-5 centre-to-centre bars along x, y, z; "
@@ -63,7 +74,7 @@ class RunFolder:
 
         Raises SceneError as `check` does, and when an old file cannot be removed.
         """
-        cls.check(path, force=force)
+        cls._check_place(Path(path), force=force)
         folder = cls(Path(path))
         try:
             folder.path.mkdir(parents=True, exist_ok=True)
@@ -79,19 +90,35 @@ class RunFolder:
         """Raise SceneError where `create` would refuse; nothing that exists is changed.
 
         Refused: a path that is no folder, a folder with anything in it unless `force`, a place
-        where files cannot be written.
+        where files cannot be written; a folder that another process works in, which `create` leaves
+        to `held`.
         """
-        path = Path(path)
+        RunFolder._check_place(Path(path), force=force)
+        refuse_locked(Path(path))
+
+    @staticmethod
+    def _check_place(path: Path, *, force: bool) -> None:
         try:
             if path.exists() and not path.is_dir():
                 raise SceneError(f"run folder '{path}' is a file; give a folder with --out")
-            if path.is_dir() and any(path.iterdir()) and not force:
+            if path.is_dir() and not force and any(p.name != LOCK for p in path.iterdir()):
                 raise SceneError(f"run folder '{path}' is not empty; --force overwrites its run")
             existing = next(p for p in (path, *path.absolute().parents) if p.exists())
             # Permission bits lie (root, read-only mounts, quotas): only writing tells.
             with tempfile.TemporaryFile(dir=existing):
                 pass
         except OSError as error:
+            raise SceneError(f"cannot write to run folder '{path}': {error.strerror}") from None
+
+    @staticmethod
+    @contextmanager
+    def held(path: Path) -> Iterator[None]:
+        """Make the folder and hold it for this process; SceneError where another one has it."""
+        try:
+            Path(path).mkdir(parents=True, exist_ok=True)
+            with locked(Path(path)):
+                yield
+        except PermissionError as error:
             raise SceneError(f"cannot write to run folder '{path}': {error.strerror}") from None
 
     @classmethod
@@ -125,19 +152,36 @@ class RunFolder:
         """Numbers of a finished run, JSON."""
         return self.path / "summary.json"
 
+    @property
+    def provenance_file(self) -> Path:
+        """What wrote the run: versions, machine and command line of each process, JSON."""
+        return self.path / "run.json"
+
+    def write_provenance(self, provenance: dict[str, Any]) -> None:
+        """Add a process to those that have worked on the run."""
+        earlier: Any = []
+        with suppress(OSError, ValueError):
+            earlier = json.loads(self.provenance_file.read_text(encoding="utf-8"))["processes"]
+        processes = [*(earlier if isinstance(earlier, list) else []), provenance]
+        text = json.dumps({"processes": processes}, indent=2) + "\n"
+        write_whole(self.provenance_file, text.encode())
+
+    def picture_metadata(self) -> dict[str, str]:
+        """Text chunks of the run's PNG files: the last process's scene and version."""
+        with suppress(OSError, ValueError, KeyError, TypeError, IndexError):
+            run = json.loads(self.provenance_file.read_text(encoding="utf-8"))["processes"][-1]
+            told = {"scene_sha256": "Scene-SHA256", "version": "Version", "git": "Git"}
+            return {tag: str(run[key]) for key, tag in told.items() if run[key]}
+        return {}
+
     def write_scene(self, text: str) -> None:
         """Write the resolved scene (TOML)."""
-        self.scene_file.write_text(text, encoding="utf-8")
+        write_whole(self.scene_file, text.encode())
 
     def write_summary(self, summary: dict[str, Any]) -> None:
         """Write the summary whole or not at all; what is not finite becomes null."""
         text = json.dumps(_plain(summary), indent=2, allow_nan=False) + "\n"
-        temporary = self.summary_file.with_suffix(".json.tmp")
-        with open(temporary, "w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, self.summary_file)
+        write_whole(self.summary_file, text.encode())
 
     def read_summary(self) -> dict[str, Any]:
         """The summary; empty where the run has not finished.  Raises SceneError if unreadable."""
@@ -187,18 +231,32 @@ def _plain(value: Any) -> Any:
 
 
 class HistoryWriter:
-    """Scalars over time, one line a sample in full precision, on disk after each `append`."""
+    """Scalars over time, one line a sample in full precision, on disk after each `append`.
 
-    def __init__(self, path: Path, columns: Sequence[str]) -> None:
+    Args:
+        rows: what stands there from the start; a file that holds more or less is replaced.
+    """
+
+    def __init__(
+        self, path: Path, columns: Sequence[str], rows: Iterable[Sequence[float | int]] = ()
+    ) -> None:
         self._width = len(columns)
-        self._file = open(path, "w", encoding="utf-8", newline="\n")  # noqa: SIM115
-        self._write(",".join(columns))
+        lines = [",".join(columns), *(self._line(row) for row in rows)]
+        write_whole(path, ("\n".join(lines) + "\n").encode())
+        self._file = Appending(path)
 
     def append(self, row: Sequence[float | int]) -> None:
         """Write one sample, in the order of the columns; ValueError if it has another length."""
+        self._file.append(self._line(row) + "\n")
+
+    def _line(self, row: Sequence[float | int]) -> str:
         if len(row) != self._width:
             raise ValueError(f"history row has {len(row)} values, the header {self._width}")
-        self._write(",".join(repr(v.item() if isinstance(v, np.generic) else v) for v in row))
+        return ",".join(repr(v.item() if isinstance(v, np.generic) else v) for v in row)
+
+    def sync(self) -> None:
+        """Put all rows on the disk, which the system does in its own time otherwise."""
+        self._file.sync()
 
     def close(self) -> None:
         """Close the file; nothing is pending."""
@@ -214,10 +272,6 @@ class HistoryWriter:
         trace: TracebackType | None,
     ) -> None:
         self.close()
-
-    def _write(self, line: str) -> None:
-        self._file.write(line + "\n")
-        self._file.flush()
 
 
 def hexahedral_mesh(
@@ -248,19 +302,57 @@ class FieldWriter:
 
     The mesh is written once and every step's offsets into it are zero; only the fields grow.  The
     file is opened and closed in each call, with HDF5's default library version and without SWMR,
-    so that a run killed between two calls leaves a file that opens.
+    and its bytes are written in an order (`durable.Patch`) that leaves a file that opens after a
+    kill at any moment.
     """
 
-    def __init__(self, path: Path, points: FloatArray, hexahedra: IntArray) -> None:
-        """points: (P, 3) reference positions [m]; hexahedra: (C, 8) point numbers, VTK's order."""
+    def __init__(
+        self,
+        path: Path,
+        points: FloatArray,
+        hexahedra: IntArray,
+        written: tuple[int, int] | None = None,
+        attributes: Mapping[str, str] | None = None,
+    ) -> None:
+        """points: (P, 3) reference positions [m]; hexahedra: (C, 8) point numbers, VTK's order.
+
+        attributes: of the file, by name; readers of VTKHDF pass over them.
+        written: go on with the file of an earlier process after so many steps and broken bars.
+        Raises SceneError if that does not hold them.
+        """
         self._path = Path(path)
         self._points, self._cells = len(points), len(hexahedra)
-        with h5py.File(self._path, "w", locking=False) as file:
+        if written is None:
+            self._create(points, hexahedra, attributes or {})
+        else:
+            self._cut(*written)
+
+    def _cut(self, steps: int, broken: int) -> None:
+        """Forget what was written after a checkpoint."""
+        with _reading(self._path) as file:
+            root, group = file["VTKHDF"], file["BrokenBars"]
+            enough = int(root["Steps"].attrs["NSteps"]) >= steps
+            enough &= len(group["time_s"]) >= broken
+            for field, rows in zip(_FIELDS, (self._points, self._points, self._cells), strict=True):
+                enough &= len(root[field]) >= steps * rows
+        if not enough:
+            raise SceneError(f"'{self._path}' holds less than the checkpoint says")
+        with patched(self._path) as file:
+            file["VTKHDF/Steps"].attrs.modify("NSteps", np.int64(steps))
+        with patched(self._path) as file:
+            for name in ("time_s", "position_m", "bar"):
+                file["BrokenBars"][name].resize(broken, axis=0)
+
+    def _create(
+        self, points: FloatArray, hexahedra: IntArray, attributes: Mapping[str, str]
+    ) -> None:
+        with created(self._path) as file:
+            file.attrs.update(attributes)
             root = _write_mesh(file, points, hexahedra)
             _write_steps(root)
-            _growing(root, "PointData/displacement_m", (self._points, 3), np.float32)
-            _growing(root, "PointData/velocity_m_s", (self._points, 3), np.float32)
-            _growing(root, "CellData/broken_fraction", (self._cells,), np.float32)
+            shapes = ((self._points, 3), (self._points, 3), (self._cells,))
+            for field, shape in zip(_FIELDS, shapes, strict=True):
+                _growing(root, field, shape, np.float32, packed=True)
             broken = file.create_group("BrokenBars")
             broken.attrs["about"] = "bars that failed, in order of writing; reference positions"
             _growing(broken, "time_s", (16384,), np.float64)
@@ -286,14 +378,11 @@ class FieldWriter:
         ):
             if array.shape != shape:
                 raise ValueError(f"{name} has shape {array.shape}, the mesh needs {shape}")
-        with h5py.File(self._path, "r+", locking=False) as file:
+        with patched(self._path) as file:
             root, steps = file["VTKHDF"], file["VTKHDF/Steps"]
             step = int(steps.attrs["NSteps"])
-            for field, array in (
-                ("PointData/displacement_m", displacement),
-                ("PointData/velocity_m_s", velocity),
-                ("CellData/broken_fraction", broken_fraction),
-            ):
+            arrays = (displacement, velocity, broken_fraction)
+            for field, array in zip(_FIELDS, arrays, strict=True):
                 # By step, not by length: what an interrupted append left behind is overwritten.
                 _put(root[field], step * len(array), array)
                 _put(steps[_offsets_of(field)], step, [step * len(array)])
@@ -303,7 +392,8 @@ class FieldWriter:
                 _put(steps[name], step, [[0]])
             _put(steps["NumberOfParts"], step, [1])
             _put(steps["Values"], step, [time_s])
-            steps.attrs.modify("NSteps", np.int64(step + 1))
+        with patched(self._path) as file:  # last of all: only now is the step there
+            file["VTKHDF/Steps"].attrs.modify("NSteps", np.int64(step + 1))
 
     def append_broken(self, time_s: FloatArray, position: FloatArray, bar: IntArray) -> None:
         """Add bars that have failed.
@@ -315,7 +405,7 @@ class FieldWriter:
             raise ValueError("time_s, position and bar differ in length")
         if not len(time_s):
             return
-        with h5py.File(self._path, "r+", locking=False) as file:
+        with patched(self._path) as file:
             group = file["BrokenBars"]
             start = len(group["time_s"])
             for name, array in (("time_s", time_s), ("position_m", position), ("bar", bar)):
@@ -363,7 +453,7 @@ def _write_steps(root: h5py.Group) -> None:
         _growing(steps, name, (256,), np.int64)
     for name in ("CellOffsets", "ConnectivityIdOffsets"):
         _growing(steps, name, (256, 1), np.int64)
-    for field in ("PointData/displacement_m", "PointData/velocity_m_s", "CellData/broken_fraction"):
+    for field in _FIELDS:
         _growing(steps, _offsets_of(field), (256,), np.int64)
 
 
@@ -371,20 +461,28 @@ def _offsets_of(field: str) -> str:
     return field.replace("Data/", "DataOffsets/")
 
 
-def _growing(group: h5py.Group, name: str, chunk: tuple[int, ...], dtype: type) -> h5py.Dataset:
+def _growing(
+    group: h5py.Group,
+    name: str,
+    chunk: tuple[int, ...],
+    dtype: type,
+    *,
+    packed: bool = False,
+) -> h5py.Dataset:
     """An empty dataset that grows along its first axis.
 
-    A field's chunk is one whole step, so an append never rewrites bytes of an earlier step.
+    A field's chunk is one whole step, so an append never rewrites bytes of an earlier step. Tables
+    whose last chunk is written again and again are not packed: packed chunks move when they grow,
+    and a kill might find the old place used and the new one not known yet.
     """
+    packing: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
     return group.create_dataset(
         name,
         shape=(0, *chunk[1:]),
         maxshape=(None, *chunk[1:]),
         chunks=chunk,
         dtype=dtype,
-        compression="gzip",
-        compression_opts=1,
-        shuffle=True,
+        **(packing if packed else {}),
     )
 
 
