@@ -10,7 +10,7 @@ APT := [ "$$(id -u)" = 0 ] && as_root= || as_root="sudo -n"; \
 	apt() { $$as_root env DEBIAN_FRONTEND=noninteractive apt-get "$$@" >/dev/null 2>&1; }; \
 	apt_install() { apt update; apt install -y --no-install-recommends "$$@"; }
 
-.PHONY: impact test bench bench-check vulkan clean
+.PHONY: impact test slow wheel lock bench bench-check vulkan clean
 
 impact: $(VENV)/.run vulkan
 	$(BIN)/ldem impact configs/impact_quick.toml --force
@@ -21,6 +21,21 @@ test: $(VENV)/.dev vulkan
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python -m pytest
+
+# What takes minutes: fuzzing, kills, faults, installs.
+slow: $(VENV)/.dev vulkan
+	$(BIN)/python -m pytest -m slow
+
+# The wheel in a clean environment: newest dependencies, then the lowest that are admitted.
+wheel: $(VENV)/.dev
+	$(BIN)/python tests/clean_install.py
+	$(BIN)/python tests/clean_install.py --lowest
+
+# The versions that the checks ran with; elsewhere the bounds of pyproject.toml decide.
+lock: $(VENV)/.dev
+	version=$$($(BIN)/python -c 'import sys; print("%d.%d" % sys.version_info[:2])'); \
+	{ echo "# make lock, Python $$version"; $(BIN)/python -m pip freeze --exclude-editable \
+		| sed "s/$$/; python_version == \"$$version\"/"; } > requirements-dev.lock
 
 bench: $(VENV)/.run
 	$(BIN)/python benchmarks/bench.py
@@ -42,8 +57,9 @@ $(VENV)/.run: pyproject.toml $(VENV)/.made
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
 	@touch $@
 
-$(VENV)/.dev: pyproject.toml $(VENV)/.made
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
+$(VENV)/.dev: pyproject.toml requirements-dev.lock $(VENV)/.made
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+		-c requirements-dev.lock -e '.[dev]'
 	@touch $@ $(VENV)/.run
 
 $(VENV)/.made:

@@ -475,14 +475,13 @@ def _growing(
     whose last chunk is written again and again are not packed: packed chunks move when they grow,
     and a kill might find the old place used and the new one not known yet.
     """
-    packing: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
     return group.create_dataset(
         name,
         shape=(0, *chunk[1:]),
         maxshape=(None, *chunk[1:]),
         chunks=chunk,
         dtype=dtype,
-        **(packing if packed else {}),
+        **(_PACKED if packed else {}),
     )
 
 
