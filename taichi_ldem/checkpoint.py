@@ -160,9 +160,10 @@ def _arrays(file: h5py.File, limit: int) -> dict[str, NDArray[Any]]:
     def take(name: str, item: Any) -> None:
         if not isinstance(item, h5py.Dataset):
             return
-        plain = item.dtype.kind in "iuf" and item.chunks is None and not item.external
-        if not plain or item.is_virtual or item.nbytes > limit:
-            raise CheckpointError(f"is no checkpoint of this program: '{name}'")
+        # a name that is no UTF-8 comes as bytes
+        plain = isinstance(name, str) and item.dtype.kind in "iuf" and item.chunks is None
+        if not plain or item.external or item.is_virtual or item.nbytes > limit:
+            raise CheckpointError(f"is no checkpoint of this program: '{name!s}'")
         arrays[name] = item[()] if item.shape else np.array(item[()])
 
     file.visititems(take)
