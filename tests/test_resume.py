@@ -1,6 +1,7 @@
 """A run that was cut off and resumed is bitwise the run that never stopped."""
 
 import io
+import json
 import os
 import shutil
 import signal
@@ -15,6 +16,7 @@ from test_impact import COMMAND, SCENE, WITHOUT_VULKAN, ldem
 
 from taichi_ldem import checkpoint as cp
 from taichi_ldem.durable import MemoryFile
+from taichi_ldem.provenance import scene_hash
 from taichi_ldem.scene import parse_scene_text
 from taichi_ldem.store import RunFolder
 from taichi_ldem.studies.kills import differences
@@ -339,3 +341,21 @@ def test_the_wall_time_of_all_processes_counts(copy: Path) -> None:
     assert ldem("resume", str(copy), "--quiet").returncode == 0
     assert RunFolder.open(copy).read_summary()["wall_s"] > before
     assert os.path.getsize(copy / "run.json") > 0
+
+
+def test_every_output_names_its_scene(whole: RunFolder, content: bytes) -> None:
+    from PIL import Image
+
+    scene = parse_scene_text(whole.scene_file.read_text(), "x")
+    name = scene_hash(scene)
+    assert whole.read_summary()["provenance"]["scene_sha256"] == name
+    (process,) = json.loads((whole.path / "run.json").read_text())["processes"]
+    assert process["scene_sha256"] == name
+    assert " impact " in process["command"]
+    with h5py.File(whole.fields_file) as file:
+        assert file.attrs["scene_sha256"] == name
+        assert json.loads(file.attrs["packages"]) == process["packages"]
+    with h5py.File(io.BytesIO(content[cp.HEAD :])) as file:
+        assert json.loads(file.attrs["provenance"])["scene_sha256"] == name
+    with Image.open(whole.path / "force.png") as picture:
+        assert picture.info["Scene-SHA256"] == name
