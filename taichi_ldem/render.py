@@ -374,7 +374,7 @@ def _draw_step(painter: _Painter, folder: RunFolder, step: int) -> None:
             view = replace(view, title=view.title.partition(" (")[0])  # which face it is
         surface = exterior(fields, far_half if view.cut else everything)
         images = [_panel_image(painter, surface, fields, panel, view.cut) for panel in view.panels]
-        _compose(view, images, fields.time, picture)
+        _compose(view, images, fields.time, picture, folder.picture_metadata())
 
 
 def _panel_image(
@@ -421,7 +421,13 @@ def _colour_map() -> LinearSegmentedColormap:
     return LinearSegmentedColormap.from_list("broken", _COLOURS)
 
 
-def _compose(view: _View, images: Sequence[FloatArray], time_s: float, picture: Path) -> None:
+def _compose(
+    view: _View,
+    images: Sequence[FloatArray],
+    time_s: float,
+    picture: Path,
+    metadata: dict[str, str],
+) -> None:
     """Put the panels, a caption, scale bars, axes and the colours' meaning on one picture."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -437,7 +443,7 @@ def _compose(view: _View, images: Sequence[FloatArray], time_s: float, picture: 
     caption = f"t = {1e3 * time_s:.2f} ms    {view.title}    deformation to scale"
     figure.text(0.5, 0.965, caption, ha="center", va="center", fontsize=20)
     _colour_key(figure)
-    figure.savefig(picture)
+    figure.savefig(picture, metadata=metadata)
 
 
 def _annotate(axes: Axes, panel: _Panel) -> None:

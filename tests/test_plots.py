@@ -28,7 +28,7 @@ def run(tmp_path) -> RunFolder:
 def figures(monkeypatch) -> dict[str, Figure]:
     """The figures by file name, caught instead of being drawn."""
     caught: dict[str, Figure] = {}
-    monkeypatch.setattr(Figure, "savefig", lambda self, path: caught.update({path.name: self}))
+    monkeypatch.setattr(Figure, "savefig", lambda self, path, **_: caught.update({path.name: self}))
     return caught
 
 
