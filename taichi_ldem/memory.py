@@ -7,33 +7,57 @@ import math
 import os
 from pathlib import Path
 
+from taichi_ldem.lanes import Lanes
 from taichi_ldem.scene import Scene, SceneError
 
 BASE = 250e6
 """Bytes of the interpreter, Taichi's compiler and the libraries: 230 MB measured."""
 
-HOST = 17 * 48
-"""Bytes a site that NumPy and SciPy take at most: vectors of six f64 each, 15.7 measured. Eight are
+HOST = 20 * 48
+"""Bytes a site that NumPy and SciPy take at most: vectors of six f64 each, 18.7 measured. Eight are
 the Lanczos basis of the critical time step, the rest its start, work space, results and copies."""
 
 
-def site_bytes(scene: Scene) -> int:
-    """Bytes that all fields of a scene hold at each site of its lattice (see ``Dynamics``)."""
-    real = 8 if scene.solver.precision == "f64" else 4
-    size = 12 * real + 6 * real + 14 * real + 1  # displacement, velocity, axial, code
-    if scene.material.damage:
-        size += 14 * real + 1 + 2  # peak, touched, recorded
-    if scene.notch:
+ROWS_IN_FLIGHT = 10
+"""Rows of bar scalars that a thread keeps, at most (``dynamics``: two strips of five rows)."""
+
+
+def field_bytes(scene: Scene) -> int:
+    """Bytes of all fields of sites that a scene's lattice has, without bar scalars."""
+    nz, ny, nx = (n + 3 for n in reversed(scene.plate.modules))
+    lanes, real = _lanes(scene, nx)
+    size = 12 * real + 6 * real + 1  # displacement, velocity, code
+    damage, notch = scene.material.damage, bool(scene.notch)
+    if damage:
+        size += 14 * real + 2  # peak, recorded
+    if notch:
         size += 2
     if scene.solver.damping > 0:
         size += 2 * real
-    return size
+    touched = 1 if damage or notch else 0
+    return nz * ny * lanes.columns * (lanes.width * size + touched)
+
+
+def _lanes(scene: Scene, sites: int) -> tuple[Lanes, int]:
+    """How a row is stored, and the bytes of a number."""
+    real = 8 if scene.solver.precision == "f64" else 4
+    return (Lanes.fitting(sites, real) if scene.solver.arch == "cpu" else Lanes(sites)), real
+
+
+def _scalar_bytes(scene: Scene) -> int:
+    """Bytes of the bar scalars: of the rows in flight on a CPU, of all on a GPU."""
+    nz, ny, nx = (n + 3 for n in reversed(scene.plate.modules))
+    lanes, real = _lanes(scene, nx)
+    rows = ny
+    if scene.solver.arch == "cpu":
+        rows = min(ny, ROWS_IN_FLIGHT * (scene.solver.threads or os.cpu_count() or 1))
+    return 14 * real * nz * rows * lanes.columns * lanes.width
 
 
 def needed_bytes(scene: Scene) -> int:
     """Largest memory of a run, without the lists of nodes near rigid bodies, bytes."""
     sites = math.prod(n + 3 for n in scene.plate.modules)
-    return int(BASE + sites * (site_bytes(scene) + HOST))
+    return int(BASE + field_bytes(scene) + _scalar_bytes(scene) + HOST * sites)
 
 
 def available_bytes() -> int | None:
