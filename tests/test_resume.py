@@ -50,7 +50,7 @@ def values(sample):
 
 def end(simulation):
     sites, bars = simulation.dynamics.new_broken()
-    return simulation.displacement(), simulation.dynamics.velocity.to_numpy(), sites, bars
+    return simulation.displacement(), simulation.dynamics.get_velocity(), sites, bars
 
 simulation = Simulation(scene)
 saved, rows = [], []
