@@ -194,7 +194,7 @@ def run(
 
     Args:
         prepare: changes the simulation before its first step, in a way that no scene describes.
-        observe: looks at the simulation at every sample, just after that step was taken. With either
+        observe: looks at the simulation at every sample, just after that step was taken. With one
             of the two a run has no checkpoints: what it knows beyond them would be lost.
 
     Returns:
@@ -251,7 +251,7 @@ def resume(out: Path, *, extend: float = 0.0, quiet: bool = False) -> int:
         latest = next(found, None)
         if latest is None:  # told before Taichi is started
             raise SceneError(f"'{out}' has no checkpoint that can be resumed; run its scene again")
-        summary: Summary = importlib.import_module(f"taichi_ldem.scenarios.{scene.scenario}").summary
+        scenario = importlib.import_module(f"taichi_ldem.scenarios.{scene.scenario}")
         started = time.perf_counter()
         simulation = _build(scene)
         work = _restored(folder, simulation, itertools.chain([latest], found))
@@ -260,7 +260,7 @@ def resume(out: Path, *, extend: float = 0.0, quiet: bool = False) -> int:
             folder.write_scene(scene_to_toml(scene))
         folder.write_provenance(provenance(scene) | {"resumed_at_s": simulation.time})
         console.print(f"resumed at t = {simulation.time:.6g} s, step {simulation.step_number}")
-        return _work_off(console, work, summary, time.perf_counter() - started)
+        return _work_off(console, work, scenario.summary, time.perf_counter() - started)
 
 
 def _console(quiet: bool) -> Console:
