@@ -156,9 +156,9 @@ def resume(
     quiet: Annotated[bool, typer.Option("--quiet", help="print nothing on success")] = False,
 ) -> None:
     """Go on with a run that was cut off, from its last checkpoint."""
-    from taichi_ldem.scenarios import runner
+    from taichi_ldem.scenarios.resumable import resume
 
-    raise typer.Exit(runner.resume(folder, extend=extend, quiet=quiet))
+    raise typer.Exit(resume(folder, extend=extend, quiet=quiet))
 
 
 @app.command()

@@ -8,7 +8,6 @@ scene's interval of wall time, on SIGINT and SIGTERM, and at the end.
 """
 
 import contextlib
-import importlib
 import itertools
 import json
 import signal
@@ -225,7 +224,7 @@ def run(
         return _work_off(console, work, summary, compiled)
 
 
-def resume(out: Path, *, extend: float = 0.0, quiet: bool = False) -> int:
+def resume(out: Path, summary: Summary, *, extend: float = 0.0, quiet: bool = False) -> int:
     """Go on with a run from its last good checkpoint; returns what ``run`` does.
 
     Args:
@@ -238,8 +237,6 @@ def resume(out: Path, *, extend: float = 0.0, quiet: bool = False) -> int:
 
     console = _console(quiet)
     folder = RunFolder(out)
-    if not folder.scene_file.is_file():
-        raise SceneError(f"'{out}' is no run folder: it has no scene.toml")
     scene = load_scene(folder.scene_file)
     if folder.summary_file.is_file() and not extend:
         console.print(f"{out} holds a finished run; --extend SECONDS runs on past its end")
@@ -251,7 +248,6 @@ def resume(out: Path, *, extend: float = 0.0, quiet: bool = False) -> int:
         latest = next(found, None)
         if latest is None:  # told before Taichi is started
             raise SceneError(f"'{out}' has no checkpoint that can be resumed; run its scene again")
-        scenario = importlib.import_module(f"taichi_ldem.scenarios.{scene.scenario}")
         started = time.perf_counter()
         simulation = _build(scene)
         work = _restored(folder, simulation, itertools.chain([latest], found))
@@ -260,7 +256,7 @@ def resume(out: Path, *, extend: float = 0.0, quiet: bool = False) -> int:
             folder.write_scene(scene_to_toml(scene))
         folder.write_provenance(provenance(scene) | {"resumed_at_s": simulation.time})
         console.print(f"resumed at t = {simulation.time:.6g} s, step {simulation.step_number}")
-        return _work_off(console, work, scenario.summary, time.perf_counter() - started)
+        return _work_off(console, work, summary, time.perf_counter() - started)
 
 
 def _console(quiet: bool) -> Console:
