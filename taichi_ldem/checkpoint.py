@@ -37,6 +37,7 @@ MAY_DIFFER = (
     "solver.threads",
     "output.checkpoint_interval",
     "output.image_times",
+    "output.filter_frequencies",
 )
 """Keys of scene.toml that may be changed between a checkpoint and its resume."""
 

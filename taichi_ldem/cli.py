@@ -1,4 +1,4 @@
-"""The command line: a command for each scenario, `resume`, `info`, `render`, `plot`. No physics.
+"""The command line: a command a scenario, `resume`, `info`, `render`, `plot`. No physics.
 
 Heavy modules are imported inside the commands, Taichi only once the scene and the run folder are
 known to be good: help and refusals are quick.
@@ -156,9 +156,9 @@ def resume(
     quiet: Annotated[bool, typer.Option("--quiet", help="print nothing on success")] = False,
 ) -> None:
     """Go on with a run that was cut off, from its last checkpoint."""
-    from taichi_ldem.scenarios import runner
+    from taichi_ldem.scenarios.resumable import resume
 
-    raise typer.Exit(runner.resume(folder, extend=extend, quiet=quiet))
+    raise typer.Exit(resume(folder, extend=extend, quiet=quiet))
 
 
 @app.command()

@@ -482,7 +482,7 @@ def _growing(
         maxshape=(None, *chunk[1:]),
         chunks=chunk,
         dtype=dtype,
-        **(packing if packed else {}),
+        **(_PACKED if packed else {}),
     )
 
 

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+import typing
 from pathlib import Path
 
 import h5py
@@ -17,7 +18,8 @@ from test_impact import COMMAND, SCENE, WITHOUT_VULKAN, ldem
 from taichi_ldem import checkpoint as cp
 from taichi_ldem.durable import MemoryFile
 from taichi_ldem.provenance import scene_hash
-from taichi_ldem.scene import parse_scene_text
+from taichi_ldem.scenarios.resumable import summary_of
+from taichi_ldem.scene import Scene, SceneError, parse_scene_text
 from taichi_ldem.store import RunFolder
 from taichi_ldem.studies.kills import differences
 
@@ -261,6 +263,37 @@ def test_without_an_interval_there_are_no_checkpoints(scene: Path) -> None:
     done = ldem("impact", str(scene), "--out", str(out), "--quiet", *words, *frames)
     assert done.returncode == 0, done.stderr
     assert not list(out.glob("checkpoint*"))
+
+
+SCENARIOS = {"impact": True, "tension": True, "bend": True, "wave": False, "modes": False}
+
+
+@pytest.mark.parametrize("name", typing.get_args(Scene.model_fields["scenario"].annotation))
+def test_every_scenario_says_whether_it_can_be_resumed(name: str, tmp_path: Path) -> None:
+    if SCENARIOS[name]:
+        assert callable(summary_of(name, RunFolder(tmp_path)))
+    else:
+        with pytest.raises(SceneError, match="cannot be resumed"):
+            summary_of(name, RunFolder(tmp_path))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("scene", "duration"), [("tension_quick.toml", 1.2e-4), ("bend_quick.toml", 1e-4)]
+)
+def test_other_scenarios_are_resumed_bitwise(scene: str, duration: float, tmp_path: Path) -> None:
+    file = Path(__file__).parents[1] / "configs" / scene
+    command = scene.partition("_")[0]
+    # the end of the first half is on the grids of the history and of the fields
+    settings = (f"output.field_interval={0.5 * duration!r}", "output.image_times=[]")
+    common = ["--quiet", *(word for text in settings for word in ("--set", text))]
+    for name, share in (("whole", 1.0), ("halves", 0.5)):
+        length = ("--set", f"solver.duration={share * duration!r}")
+        done = ldem(command, str(file), "--out", str(tmp_path / name), *common, *length)
+        assert done.returncode == 0, done.stderr
+    done = ldem("resume", str(tmp_path / "halves"), "--extend", repr(0.5 * duration), "--quiet")
+    assert done.returncode == 0, done.stderr
+    assert differences(tmp_path / "whole", tmp_path / "halves") == []
 
 
 # -- the file --------------------------------------------------------------------------------------

@@ -8,7 +8,6 @@ scene's interval of wall time, on SIGINT and SIGTERM, and at the end.
 """
 
 import contextlib
-import importlib
 import itertools
 import json
 import signal
@@ -200,7 +199,8 @@ def run(
 
     Args:
         prepare: changes the simulation before its first step, in a way that no scene describes.
-        observe: looks at the simulation at every sample, just after that step was taken.
+        observe: looks at the simulation at every sample, just after that step was taken. With one
+            of the two a run has no checkpoints: what it knows beyond them would be lost.
 
     Returns:
         0; 3 where the guard stopped the run; 4 where a file could no longer be written; 130 after
@@ -223,11 +223,14 @@ def run(
         folder.write_scene(scene_to_toml(scene))
         folder.write_provenance(provenance(scene))
         work = _Work(folder, simulation)
+        if prepare is not None or observe is not None:
+            work.interval, work.checkpoints = 0.0, None
+        work.observe = observe
         _announce(console, simulation, expected, work.fields)
-        return _work_off(console, work, summary, compiled, observe)
+        return _work_off(console, work, summary, compiled)
 
 
-def resume(out: Path, *, extend: float = 0.0, quiet: bool = False) -> int:
+def resume(out: Path, summary: Summary, *, extend: float = 0.0, quiet: bool = False) -> int:
     """Go on with a run from its last good checkpoint; returns what ``run`` does.
 
     Args:
@@ -240,19 +243,12 @@ def resume(out: Path, *, extend: float = 0.0, quiet: bool = False) -> int:
 
     console = _console(quiet)
     folder = RunFolder(out)
-    if not folder.scene_file.is_file():
-        raise SceneError(f"'{out}' is no run folder: it has no scene.toml")
     scene = load_scene(folder.scene_file)
     if folder.summary_file.is_file() and not extend:
         console.print(f"{out} holds a finished run; --extend SECONDS runs on past its end")
         return 0
     if extend:
         scene = _extended(scene, extend)
-    if scene.scenario in NOT_RESUMED:
-        raise SceneError(
-            f"'{out}' is a run of \"{scene.scenario}\", which is not resumed; start it again"
-        )
-    summary: Summary = importlib.import_module(f"taichi_ldem.scenarios.{scene.scenario}").summary
     with RunFolder.held(out):
         found = Checkpoints(out).usable(scene)
         latest = next(found, None)
@@ -340,6 +336,7 @@ class _Work:
         self.interval = simulation.scene.output.checkpoint_interval
         self.begun = self.saved = time.monotonic()
         self.signal: int | None = None
+        self.observe: Callable[[Simulation, Sample], None] | None = None
         self.checkpoints = None
         if self.interval:
             from taichi_ldem.checkpoint import Checkpoints
@@ -352,6 +349,8 @@ class _Work:
         self.writer.append([values[name] for name in self.names])  # type: ignore[misc]
         self.history.append(values | {"energy_error_of_plate": sample.energy_error_of_plate})
         self.fields.take(sample)
+        if self.observe is not None:
+            self.observe(self.simulation, sample)
 
     def between(self) -> None:
         """Between two steps: stop on a signal, take a checkpoint when it is due."""
@@ -398,24 +397,19 @@ class _Work:
                 signal.signal(number, handler)
 
 
-def _work_off(
-    console: Console,
-    work: _Work,
-    summary: Summary,
-    compiled: float,
-    observe: Observe | None = None,
-) -> int:
+def _work_off(console: Console, work: _Work, summary: Summary, compiled: float) -> int:
     """Step to the end, whatever comes between, and tell how it went; the exit code."""
     folder = work.folder
     code = 0
     try:
         with work.writer:
-            code = _step_or_stop(console, work, observe)
+            code = _step_or_stop(console, work)
         wall = work.stepped()
         if code == 0:
             _finish(work, summary, wall, compiled)
+        scene = work.simulation.scene
         if code != TERMINATED:
-            _pictures(console, folder, work.simulation.scene, code)
+            _pictures(console, folder, scene, code)
     except OSError as error:
         _tell_unwritable(work, error)
         return UNWRITABLE
@@ -423,14 +417,14 @@ def _work_off(
     return code
 
 
-def _step_or_stop(console: Console, work: _Work, observe: Observe | None) -> int:
+def _step_or_stop(console: Console, work: _Work) -> int:
     from taichi_ldem.contact import TooManyNodes
     from taichi_ldem.simulation import SimulationStopped
 
     try:
         with work.listening():
             try:
-                _step_through(console, work, observe)
+                _step_through(console, work)
             except _Signalled as error:
                 work.save()
                 return _tell_signal(work, int(error.args[0]))
@@ -473,7 +467,7 @@ def _finish(work: _Work, summary: Summary, wall: float, compiled: float) -> None
     scene, history = work.simulation.scene, work.history
     if scene.striker is not None and not any(r["striker_force_n"] for r in history):
         print("warning: the striker never touched the plate (striker.gap?)", file=sys.stderr)
-    numbers = summary(work.simulation, history, work.folder)
+    numbers = summary(work.simulation, history)
     numbers |= cost(work.simulation, history, wall, compiled)
     work.folder.write_summary(numbers | {"provenance": provenance(scene)})
 
@@ -496,15 +490,13 @@ def _announce(
     )
 
 
-def _step_through(console: Console, work: _Work, observe: Observe | None) -> None:
+def _step_through(console: Console, work: _Work) -> None:
     from taichi_ldem.simulation import WARN_ERROR
 
     warned = False
     with _progress(console, work.simulation) as tell:
         for sample in work.simulation.samples(work.between):
             work.add(sample)
-            if observe is not None:
-                observe(work.simulation, sample)
             tell(sample)
             worst = max(sample.energy_error, sample.energy_error_of_plate)
             if worst > WARN_ERROR and not warned:
