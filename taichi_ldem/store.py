@@ -475,7 +475,6 @@ def _growing(
     whose last chunk is written again and again are not packed: packed chunks move when they grow,
     and a kill might find the old place used and the new one not known yet.
     """
-    packing: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
     return group.create_dataset(
         name,
         shape=(0, *chunk[1:]),

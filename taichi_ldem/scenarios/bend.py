@@ -22,7 +22,6 @@ from taichi_ldem import signals
 from taichi_ldem.lattice import BARS_PER_SITE, DIAGONAL, Lattice, bar_weights
 from taichi_ldem.scenarios import runner
 from taichi_ldem.scene import Notch, Scene
-from taichi_ldem.store import RunFolder
 
 FALL = 0.05
 """Share of the strain energy that is lost when the crack runs."""
@@ -83,9 +82,7 @@ def peak_index(history: runner.History, onset: float | None) -> int:
     return int(np.argmax(strain))
 
 
-def summary(
-    simulation: "Simulation", history: runner.History, _folder: RunFolder
-) -> dict[str, Any]:
+def summary(simulation: "Simulation", history: runner.History) -> dict[str, Any]:
     """Notch, energies at the peak (see the module) and fracture of a finished run."""
     scene = simulation.scene
     lattice = simulation.dynamics.lattice

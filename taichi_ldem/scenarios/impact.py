@@ -1,5 +1,6 @@
 """The falling-weight test: its numbers (Sections 3.1 and 5.2 of the paper)."""
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,10 +18,10 @@ if TYPE_CHECKING:
 
 def run(scene: Scene, out: Path, *, force: bool = False, quiet: bool = False) -> int:
     """Run a falling-weight test into a folder; exit codes and errors are ``runner.run``'s."""
-    return runner.run(scene, out, summary, force=force, quiet=quiet)
+    return runner.run(scene, out, partial(summary, RunFolder(out)), force=force, quiet=quiet)
 
 
-def summary(simulation: "Simulation", history: runner.History, folder: RunFolder) -> dict[str, Any]:
+def summary(folder: RunFolder, simulation: "Simulation", history: runner.History) -> dict[str, Any]:
     """Onset, peaks, failure and cracks of a finished run (definitions: ``signals``, ``cracks``)."""
     scene, last = simulation.scene, history[-1]
     time_s = _column(history, "time_s")

@@ -175,14 +175,8 @@ def _text(value: Any) -> str:
 History = list[dict[str, Any]]
 """Rows of the history: its columns' names and values, and ``energy_error_of_plate``."""
 
-Summary = Callable[["Simulation", History, RunFolder], dict[str, Any]]
+Summary = Callable[["Simulation", History], dict[str, Any]]
 """A scenario's own numbers of a finished run, for ``summary.json``."""
-
-Observe = Callable[["Simulation", "Sample"], None]
-"""Looks at the simulation at every sample, just after that step was taken."""
-
-NOT_RESUMED = ("modes", "wave")
-"""Scenarios whose results are more than a simulation's state: they take seconds or minutes."""
 
 
 def run(
@@ -193,7 +187,7 @@ def run(
     force: bool = False,
     quiet: bool = False,
     prepare: Callable[["Simulation"], None] | None = None,
-    observe: Observe | None = None,
+    observe: Callable[["Simulation", "Sample"], None] | None = None,
 ) -> int:
     """Run a scene into a folder, with figures and snapshots.
 

@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from taichi_ldem.scenarios import runner
 from taichi_ldem.scene import Scene
-from taichi_ldem.store import RunFolder
 
 if TYPE_CHECKING:
     from taichi_ldem.simulation import Simulation
@@ -97,9 +96,7 @@ def elastic_rows(c: Curve, ramp: float, first_broken: int | None) -> npt.NDArray
     return np.asarray(before & (c.strain <= 0.5 * c.strain[peak]))
 
 
-def summary(
-    simulation: "Simulation", history: runner.History, _folder: RunFolder
-) -> dict[str, Any]:
+def summary(simulation: "Simulation", history: runner.History) -> dict[str, Any]:
     """Elastic constants, strength, strain at the peak, dissipated energy, rates; SI units.
 
     Stress is nominal: pull over the net section at rest, the mean section in the gauge length.

@@ -54,7 +54,7 @@ def run(scene: Scene, out: Path, *, force: bool = False, quiet: bool = False) ->
     packet.check()
     probes = Probes(packet)
 
-    def summary(*_: object) -> dict[str, Any]:
+    def summary(simulation: "Simulation", _: runner.History) -> dict[str, Any]:
         probes.write(out)
         return probes.summary()
 
