@@ -1,7 +1,7 @@
 """Tables and the figure of a benchmark."""
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -71,15 +71,24 @@ def peers_table(rates: Mapping[str, Sequence[float]]) -> str:
     text = table(
         rows, {"contestant": "{}", "mbar_s": "{:.0f}", "least": "{:.0f}", "most": "{:.0f}"}
     )
+    rounds = min(map(len, rates.values()))
+    spread = [ratios({name: [v[n]] for name, v in rates.items()}) for n in range(rounds)]
     for name, ratio in ratios(rates).items():
-        text += f"\n- {name}: {ratio:.2f}"
+        own = [one[name] for one in spread]
+        text += f"\n- {name}: {ratio:.2f} (single rounds {min(own):.2f} to {max(own):.2f})"
     return text + "\n"
 
 
-def ratios(rates: Mapping[str, Sequence[float]]) -> dict[str, float]:
-    """Ratio of ldem's median to each peer's; the C baseline's is that of the same precision."""
+def ratios(
+    rates: Mapping[str, Sequence[float]], middle: Callable[[Sequence[float]], float] = median
+) -> dict[str, float]:
+    """Ratio of ldem to each peer; the C baseline's is that of the same precision.
+
+    Args:
+        middle: what stands for the rounds of a contestant.
+    """
     return {
-        f"{name} / {peer}": median(rates[name]) / median(rates[peer])
+        f"{name} / {peer}": middle(rates[name]) / middle(rates[peer])
         for name in rates
         if name.startswith("ldem")
         for peer in rates

@@ -15,8 +15,8 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 AMPLITUDE = 1e-10
-WARM_UP = 70
-"""Steps taken before the clock starts: a whole interval between two listings of contacts."""
+WARM_UP = 20
+"""Steps taken before the clock starts."""
 
 
 def main() -> None:

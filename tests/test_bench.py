@@ -91,7 +91,11 @@ def test_ratios_compare_medians_at_the_same_precision():
         "ldem f32 / C two-pass f32": 0.5,
         "ldem f32 / LAMMPS bpm/spring f64": 8.0,
     }
-    assert "- ldem f64 / C two-pass f64: 2.00" in report.peers_table(rates)
+    assert report.ratios(rates, max)["ldem f64 / C two-pass f64"] == 3.0
+    rates["ldem f32"], rates["C two-pass f32"] = [400.0, 500.0, 300.0], [800.0] * 3
+    rates["C two-pass f64"], rates["LAMMPS bpm/spring f64"] = [100.0] * 3, [50.0] * 3
+    told = "- ldem f64 / C two-pass f64: 2.00 (single rounds 1.00 to 3.00)"
+    assert told in report.peers_table(rates)
 
 
 STORED = {"a processor": {"f64": 1.0, "f32": 2.0}}
