@@ -101,7 +101,7 @@ class RigidBody:
 
     def saved_state(self) -> dict[str, npt.NDArray]:
         """Copies of what the next step starts from: list, velocities, sums, the body's motion."""
-        count = self.count[None]
+        count = self.count[0]
         own = {} if self.state is None else {"state": self.state.to_numpy()}
         before = self.before.to_numpy()[:count]
         return own | {"sums": self.collected(), "nodes": self.listed(), "before": before}
