@@ -109,11 +109,18 @@ TURNS = 512
 def field_apart(kind: Any, shape: tuple[int, ...] | int, numbers: int = 0) -> ti.Field:
     """A field of numbers (or vectors of so many) that are not of Taichi's default width.
 
-    It gets a tree of its own: in one that it shared with other widths, SPIR-V backends would read
-    and write it in words that overlap its neighbours.
+    On SPIR-V backends it gets a tree of its own: in one that it shared with other widths, it would
+    be read and written in words that overlap its neighbours. LLVM's backends align it, and hold no
+    more than 512 trees in a process.
     """
-    field = ti.Vector.field(numbers, kind) if numbers else ti.field(kind)
-    sizes = (shape,) if isinstance(shape, int) else shape
+    vector = (
+        (lambda **where: ti.Vector.field(numbers, kind, **where))
+        if numbers
+        else (lambda **where: ti.field(kind, **where))
+    )
+    if ti.lang.impl.current_cfg().arch in (ti.x64, ti.arm64, ti.cuda):
+        return vector(shape=shape)
+    field, sizes = vector(), (shape,) if isinstance(shape, int) else shape
     tree = ti.FieldsBuilder()
     tree.dense(getattr(ti, "ijkl"[: len(sizes)]), sizes).place(field)
     tree.finalize()
