@@ -104,7 +104,8 @@ class DaskPool:
         except ImportError:
             raise SceneError("--scheduler needs Dask: pip install 'taichi-ldem[cluster]'") from None
         try:
-            self._client: Any = Client(address, timeout=15, set_as_default=False)
+            connect: Any = Client
+            self._client: Any = connect(address, timeout=15, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
             reason = " ".join(str(error).split()) or type(error).__name__
             raise SceneError(f"--scheduler {address}: {reason}") from None

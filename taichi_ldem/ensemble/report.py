@@ -6,6 +6,7 @@ from pathlib import Path
 
 from taichi_ldem.ensemble.plan import RECORD, read_plan
 from taichi_ldem.ensemble.results import read_rows, write_statistics, write_table
+from taichi_ldem.ensemble.table3 import write_table_3
 
 
 def is_ensemble(folder: Path) -> bool:
@@ -21,4 +22,7 @@ def report(folder: Path) -> list[Path]:
     """
     plan = read_plan(folder)
     rows = read_rows(plan, folder)
-    return [write_table(plan, folder, rows), write_statistics(plan, folder, rows)]
+    from taichi_ldem.ensemble.figures import draw_all
+
+    tables = [write_table(plan, folder, rows), write_statistics(plan, folder, rows)]
+    return [*tables, *write_table_3(plan, folder, rows), *draw_all(folder, rows)]
