@@ -98,7 +98,7 @@ def sheet(figure: Figure, rows: Panels, *, final: bool) -> None:
         line[0].set_ylabel(f"{name}\n\ny [mm]")
     for axes in grid[len(rows) - 1]:
         axes.set_xlabel("x [mm]")
-    when = "at the end" if final else "at $t_2$ (largest strain energy; the end where it did not fall)"
+    when = "at the end" if final else "at $t_2$ (or at the end, without failure)"
     figure.suptitle(f"Cracks from below {when}", fontsize=15)
     _sheet_legend(figure, final)
 

@@ -121,18 +121,27 @@ def make_sets(finished: Sequence[Row], histories: Mapping[str, History]) -> list
     by_group = groups(finished)
     for key, rows in by_group.items():
         records = [histories[row.member.name] for row in rows]
-        partner = by_group.get(tuple((k, 0.0 if k == CV else v) for k, v in key))
-        same = partner is None or partner is rows
+        partner = None if dict(key).get(CV) == 0 else _homogeneous(key, by_group)
         papers = all(is_papers_test(row.member.scene) for row in rows)
         found = Set(
             label(key),
             rows,
             records,
-            None if same or partner is None else histories[partner[0].member.name],
+            None if partner is None else histories[partner[0].member.name],
             papers,
         )
         (plain if dict(key).get(CV) == 0 else sets).append(found)
     return (sets or plain)[:MOST_PANELS]
+
+
+def _homogeneous(key: Group, by_group: Mapping[Group, list[Row]]) -> list[Row] | None:
+    """The group without disorder that is otherwise the same; keys of the disorder it lacks."""
+    wanted = dict(key)
+    for other, rows in by_group.items():
+        same = all(v in (None, wanted[k]) for k, v in other if k != CV)
+        if same and dict(other).get(CV) == 0:
+            return rows
+    return None
 
 
 def make_panels(

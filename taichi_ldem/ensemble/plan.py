@@ -229,7 +229,9 @@ def _member(
 def _other_disorder(texts: Mapping[str, str]) -> bool:
     """Whether another varied key than the fracture energy's variability draws from the seed."""
     drawn = [
-        text for key, text in texts.items() if key.startswith("disorder.") and key.endswith("_cv")
+        text
+        for key, text in texts.items()
+        if key != CV and key.startswith("disorder.") and key.endswith(("_cv", "_data"))
     ]
     drawn += [texts["plate.perturbation"]] if "plate.perturbation" in texts else []
     return any(text not in ("0", "0.0") for text in drawn)
