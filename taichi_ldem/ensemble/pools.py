@@ -105,7 +105,8 @@ class DaskPool:
             raise SceneError("--scheduler needs Dask: pip install 'taichi-ldem[cluster]'") from None
         try:
             connect: Any = Client
-            self._client: Any = connect(address, timeout=15, set_as_default=False)
+            where = {"scheduler_file" if Path(address).is_file() else "address": address}
+            self._client: Any = connect(**where, timeout=15, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
             reason = " ".join(str(error).split()) or type(error).__name__
             raise SceneError(f"--scheduler {address}: {reason}") from None
@@ -142,12 +143,12 @@ class DaskPool:
         write_whole(stop_file(self._ensemble), b"now\n" if now else b"stop\n")
 
     def describe(self) -> str:  # noqa: D102
-        workers = self._client.scheduler_info(n_workers=-1)["workers"]
-        slots = sum(worker["nthreads"] for worker in workers.values())
-        return (
-            f"{len(workers)} workers with {slots} places at {self._address}, "
-            f"dashboard: {self._client.dashboard_link}"
-        )
+        known = self._client.scheduler_info(n_workers=-1)
+        places = sum(worker["nthreads"] for worker in known["workers"].values())
+        text = f"{len(known['workers'])} workers with {places} places at {self._address}"
+        if "dashboard" in known.get("services", {}):
+            text += f", dashboard: {self._client.dashboard_link}"
+        return text
 
     def close(self) -> None:  # noqa: D102
         self._client.close()
