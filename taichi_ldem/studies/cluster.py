@@ -49,6 +49,9 @@ def cluster(folder: Path, workers: int) -> Iterator[tuple[str, list[subprocess.P
             for process in reversed(processes):
                 process.terminate()
             for process in processes:
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(10)
+                process.kill()  # a worker whose scheduler is gone may wait for ever
                 process.wait()
 
 
