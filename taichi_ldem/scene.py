@@ -668,11 +668,22 @@ def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
         SceneError: file, an override or a value is not acceptable; one line.
     """
     path = Path(path)
-    data = _read(path)
-    changes = [_parse_override(text) for text in overrides]
-    for change in changes:
+    data = load_tables(path, overrides)
+    keys = {".".join(_parse_override(text).path) for text in overrides}
+    return parse_scene(data, path.name, keys)
+
+
+def load_tables(path: str | Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
+    """The tables of a scene file with overrides, not validated; else as `load_scene`."""
+    data = _read(Path(path))
+    for change in [_parse_override(text) for text in overrides]:
         _apply(data, change)
-    return parse_scene(data, path.name, {".".join(change.path) for change in changes})
+    return data
+
+
+def override_value(text: str) -> object:
+    """The value of an override `section.key=value`; SceneError as `load_scene`."""
+    return _parse_override(text).value
 
 
 def parse_scene(
