@@ -216,10 +216,10 @@ class Simulation:
     def _step(self, measure: bool) -> None:
         if self.step_number % STEPS_BETWEEN_LISTS == 0:
             self._list_candidates()
-        dt, spacing = self.time_step, self.spacing
-        self.dynamics.step(self.now, spacing, dt, dt, self.damping, self.peak_strain, measure)
+        dt = self.time_step
+        self.dynamics.step(self.now, dt, dt, self.damping, measure)
         if self.bodies:
-            self._contact(self.now, spacing, dt, self.damping)
+            self._contact(self.now, self.spacing, dt, self.damping)
         self.now = 1 - self.now
         self.step_number += 1
 
@@ -400,8 +400,7 @@ class Simulation:
 
     def _rest(self, measure: bool) -> None:
         """Take a step of no length: all the work, and nothing moves."""
-        d = self.dynamics
-        d.step(self.now, self.spacing, 0.0, 0.0, 0.0, self.peak_strain, measure)
+        self.dynamics.step(self.now, 0.0, 0.0, 0.0, measure)
 
     def measure_step(self) -> float:
         """Seconds that a step takes here, from a few at rest; contact comes on top."""
