@@ -207,13 +207,13 @@ class Dynamics:
         ring = (self.strips, rows, nz, self.lanes.columns)
         self.axial = [self._field(*ring) for _ in range(BARS_PER_SITE)]
         self.code = field_apart(ti.u8, self.shape, self.lanes.width)
-        self.pieces = 1
+        self.pieces, self.piece = 1, self.lanes.length
         if self.in_strips:
             kept = (self.strips, nz, self.lanes.columns)
             self.kept = [[self._field(*kept) for _ in "xyz"] for _ in "ab"]
             self.moving = field_apart(ti.f64, ny, 2)
         else:
-            self.pieces = -(-self.lanes.length // PIECE)
+            self.pieces, self.piece = -(-self.lanes.length // PIECE), PIECE
             self.moving = field_apart(ti.f64, ny * nz * self.pieces, 2)
         self.stiffness = ti.Vector.field(7, float, shape=256)
         self.mass = ti.Vector.field(2, float, shape=256)
@@ -643,9 +643,12 @@ class Dynamics:
                 self.move_row(strip, j - 1, now, spacing, kick, drift, damping, measure)
 
     @ti.func
-    def whole_passes(
-        self, now, spacing, kick, drift, damping, peak_strain, measure: ti.template()
-    ):
+    def piece_end(self, piece):
+        """Column after the last of a piece of a row."""
+        return HALO + ti.min((piece + 1) * self.piece, self.lanes.length)
+
+    @ti.func
+    def whole_passes(self, now, spacing, kick, drift, damping, peak_strain, measure: ti.template()):
         """A step in two launches; with ``measure`` a thread sums up a piece of a row."""
         nz, ny, _ = ti.static(self.sites)
         begin, end = ti.static(HALO, HALO + self.lanes.length)
@@ -655,8 +658,7 @@ class Dynamics:
             for j, k, piece in ti.ndrange((1, ny - 1), (1, nz - 1), self.pieces):
                 rows = ti.Vector([j - 1, j, j + 1])
                 sums = ti.Vector.zero(ti.f64, 2)
-                first = begin + piece * PIECE
-                for m in range(first, ti.min(first + PIECE, end)):
+                for m in range(begin + piece * self.piece, self.piece_end(piece)):
                     sums += self.move_column(
                         0, rows, now, k, j, m, spacing, kick, drift, damping, True
                     )
