@@ -26,8 +26,7 @@ def critical_time_step(dynamics: Dynamics) -> float:
     from scipy.sparse.linalg import LinearOperator, eigsh
 
     shape = (2, *dynamics.sites, 3)
-    mass = dynamics.mass.to_numpy()[dynamics.lattice.code].astype(np.float64)
-    root = np.sqrt(np.moveaxis(mass, -1, 0))[..., None]
+    root = np.sqrt(dynamics.masses())[..., None]
     inverse = np.divide(1.0, root, out=np.zeros_like(root), where=root > 0)
     amplitude = 1e-6 * dynamics.lattice.spacing / inverse.max()
     factor = -root / amplitude
