@@ -263,8 +263,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code.
 
     0: done; 1: a file could not be read or written; 2: bad input; 3: stopped by the run-time
-    guard; 4: a run could no longer write its files; 130: interrupted; 143: terminated. Errors are
-    one line on stderr.
+    guard; 4: a run could no longer write its files; 5: members of an ensemble did not finish;
+    130: interrupted; 143: terminated. Errors are one line on stderr.
     """
     arguments = sys.argv[1:] if arguments is None else arguments
     try:

@@ -541,6 +541,19 @@ def test_two_true_members_are_those_of_the_command_alone(tmp_path):
     assert member.read_bytes() == (alone / "history.csv").read_bytes()
 
 
+@pytest.mark.slow
+def test_a_worker_killed_in_the_middle(tmp_path, capsys):
+    """Slow: eight runs, four of them on a Dask cluster of two processes."""
+    pytest.importorskip("distributed")
+    from taichi_ldem.studies.cluster import main as study
+
+    words = ["--vary", "striker.velocity=3,4,5,6", "--set", "output.image_times=[]"]
+    assert study([str(SCENE), str(tmp_path), *words]) == 0
+    told = capsys.readouterr().out
+    assert "lost, its worker ended" in told
+    assert "differences between Dask and local: none" in told
+
+
 def test_command_with_fake_members(plan, tmp_path, fake, capsys, monkeypatch):
     """The whole command but the solver: folder held, tables kept up to date, exit code."""
     monkeypatch.setattr("taichi_ldem.ensemble.report.report", lambda folder: [])

@@ -143,10 +143,9 @@ class DaskPool:
         write_whole(stop_file(self._ensemble), b"now\n" if now else b"stop\n")
 
     def describe(self) -> str:  # noqa: D102
-        known = self._client.scheduler_info(n_workers=-1)
-        places = sum(worker["nthreads"] for worker in known["workers"].values())
-        text = f"{len(known['workers'])} workers with {places} places at {self._address}"
-        if "dashboard" in known.get("services", {}):
+        workers = self._client.nthreads()
+        text = f"{len(workers)} workers with {sum(workers.values())} places at {self._address}"
+        if "dashboard" in self._client.scheduler_info().get("services", {}):
             text += f", dashboard: {self._client.dashboard_link}"
         return text
 
