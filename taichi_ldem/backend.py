@@ -6,7 +6,7 @@ import functools
 import os
 import sys
 from collections.abc import Iterator
-from textwrap import TextWrapper
+from typing import Any
 
 from taichi_ldem.scene import SceneError, Solver
 
@@ -45,20 +45,30 @@ def vulkan_device() -> bool:
     return not failed and count.value > 0
 
 
-class _RememberingWrapper(TextWrapper):
-    """TextWrapper that wraps a line once.
+def _place(context: Any, node: Any) -> str:
+    """Where a node of a kernel is, for error messages: file, line, function and source.
 
-    Taichi wraps the source line of every node of every kernel for error messages that are never
-    shown: a quarter of the start of a cached scene.
+    Taichi's own draws the line again with marks under it, for every node of every kernel, and
+    hardly any is ever shown.
     """
+    line = node.lineno + context.lineno_offset
+    where = f'File "{context.file}", line {line}, in {context.func.func.__name__}:'
+    return f"{where}\n{context.src[node.lineno - 1]}\n"
 
-    def wrap(self, text: str) -> list[str]:
-        return _wrapped(text, self.width)
 
+def _spare_taichi_work() -> None:
+    """Take from Taichi what it does again and again when it reads kernels.
 
-@functools.lru_cache(maxsize=100_000)
-def _wrapped(text: str, width: int) -> list[str]:
-    return TextWrapper(width=width).wrap(text)
+    Half of the time that a cached kernel takes to start: each call of a function in a kernel finds
+    and splits the function's source anew.
+    """
+    from taichi.lang import kernel_impl
+    from taichi.lang.ast import ast_transformer_utils
+
+    ast_transformer_utils.ASTTransformerContext.get_pos_info = _place
+    for name in ("getsourcelines", "getsourcefile"):
+        if not hasattr(getattr(kernel_impl, name), "cache_info"):
+            setattr(kernel_impl, name, functools.cache(getattr(kernel_impl, name)))
 
 
 def start(solver: Solver) -> None:
@@ -75,9 +85,8 @@ def start(solver: Solver) -> None:
         raise SceneError('solver.arch = "vulkan": no Vulkan device here; use "cpu"')
     with _silent_stdout():
         import taichi as ti
-        from taichi.lang.ast import ast_transformer_utils
 
-        ast_transformer_utils.TextWrapper = _RememberingWrapper
+        _spare_taichi_work()
         # not ti.gpu, which also looks for Vulkan and may abort in its driver
         arch = {"cpu": ti.cpu, "vulkan": ti.vulkan}.get(solver.arch, ti.cuda)
         real = ti.f64 if solver.precision == "f64" else ti.f32

@@ -504,7 +504,7 @@ class Dynamics:
         damping,
     ):
         """Velocity along an axis after a time ``kick`` if nothing rigid is in the way, m/s."""
-        inverse_mass = self.lane_values(self.inverse_mass, self.code[k, j, m], s)
+        inverse_mass = self.lane_inverse_masses(s, k, j, m)
         force = self.node_force(s, axis, strip, rows, now, k, j, m, spacing)
         before = self.velocity[s][axis][k, j, m]
         after = before + (kick * inverse_mass) * force
@@ -518,6 +518,11 @@ class Dynamics:
     def lane_masses(self, s: ti.template(), k, j, m):
         """Masses of a column's corner or centre nodes, kg."""
         return self.lane_values(self.mass, self.code[k, j, m], s)
+
+    @ti.func
+    def lane_inverse_masses(self, s: ti.template(), k, j, m):
+        """Inverse masses of a column's corner or centre nodes, 1/kg."""
+        return self.lane_values(self.inverse_mass, self.code[k, j, m], s)
 
     @ti.func
     def move_column(
