@@ -484,6 +484,7 @@ class Scene(_Table):
         self._check_pulse()
         self._check_supports()
         self._check_output()
+        self._check_vulkan()
         for number, notch in enumerate(self.notch):
             self._check_notch(f"notch[{number}]", notch)
         if self.output.field_interval is None:
@@ -492,6 +493,12 @@ class Scene(_Table):
             output = self.output.model_copy(update={"field_interval": interval})
             object.__setattr__(self, "output", output)
         return self
+
+    def _check_vulkan(self) -> None:
+        solver, law = self.solver, self.material.law
+        if (solver.arch, solver.precision, law) == ("vulkan", "f64", "exponential"):
+            why = 'Vulkan has no exp in f64, use "bilinear" or solver.precision = "f32"'
+            raise _refuse("material.law", law, why)
 
     def _check_clamp(self) -> None:
         if self.clamp is None or self.clamp.kind == "free":
