@@ -537,6 +537,7 @@ class Scene(_Table):
         self._check_pulse()
         self._check_supports()
         self._check_output()
+        self._check_vulkan()
         for number, notch in enumerate(self.notch):
             self._check_notch(f"notch[{number}]", notch)
         if self.output.field_interval is None:
@@ -551,6 +552,12 @@ class Scene(_Table):
         if 0 < length < self.plate.spacing:
             why = f"must be at least {self.plate.spacing:.6g}, one module, or 0: none"
             raise _refuse("disorder.correlation_length", length, why)
+
+    def _check_vulkan(self) -> None:
+        solver, law = self.solver, self.material.law
+        if (solver.arch, solver.precision, law) == ("vulkan", "f64", "exponential"):
+            why = 'Vulkan has no exp in f64, use "bilinear" or solver.precision = "f32"'
+            raise _refuse("material.law", law, why)
 
     def _check_clamp(self) -> None:
         if self.clamp is None or self.clamp.kind == "free":

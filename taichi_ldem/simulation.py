@@ -336,7 +336,8 @@ class Simulation:
             for n in ti.static(range(len(self.bodies))):
                 self.noted[n] = self.bodies[n].sums[LOSS_AFTER]
             if ti.static(self.strikes):
-                self.noted[ti.static(len(self.bodies))] = self.striker.state[DISPLACEMENT]  # type: ignore[union-attr]
+                last = ti.static(len(self.bodies))
+                self.noted[last] = self.striker.state[DISPLACEMENT]  # type: ignore[union-attr]
 
     @ti.kernel
     def _collect(self, values: ti.types.ndarray()):
