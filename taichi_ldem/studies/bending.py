@@ -1,5 +1,6 @@
 """Fracture energy from a series of notched bending tests: U against B W phi (Fig. 7 of the paper).
 
+    ldem bend configs/bend.toml --series                     # on the scene's own module size
     python -m taichi_ldem.studies.bending configs/bend.toml outputs/bending [--spacings 5e-4 2.5e-4]
 
 Widths and notches span the paper's; the notches are rounded to where the lattice has its crack tips
@@ -9,7 +10,8 @@ is not run again, so the study can be cut and resumed.
 U is what the specimen has absorbed when its crack begins to run (the peak of ``bend``), less the
 elastic energy of the dents at the striker and the supports, as ISO 17281 corrects for them: the
 share of the strain energy that their compliance has in the lattice's. phi is
-``compliance.calibration``.
+``compliance.calibration``. What the whole test dissipates over the ligament is a second measure;
+the share of it in bars beside the notch's plane is damage that no flat crack has.
 """
 
 import json
@@ -77,8 +79,12 @@ class Specimen:
         return parse_scene(data, self.name)
 
 
-def run(specimen: Specimen, base: Scene, folder: Path, extra: Sequence[str]) -> None:
-    """Run a specimen in a process of its own and its statics here, unless they are finished."""
+def run(specimen: Specimen, base: Scene, folder: Path, extra: Sequence[str]) -> int:
+    """Run a specimen in a process of its own and its statics here, unless they are finished.
+
+    Returns:
+        the process's exit code.
+    """
     scene, out = specimen.scene(base), folder / specimen.name
     if not (out / "summary.json").exists():
         file = folder / f"{specimen.name}.toml"
@@ -88,9 +94,22 @@ def run(specimen: Specimen, base: Scene, folder: Path, extra: Sequence[str]) -> 
         done = subprocess.run([*command, "--force", *extra], check=False)
         if done.returncode:
             print(f"{specimen.name}: failed with exit code {done.returncode}", flush=True)
-            return
+            return done.returncode
     if not (out / "statics.json").exists():
         (out / "statics.json").write_text(json.dumps(statics(scene)))
+    return 0
+
+
+def series(
+    specimens: Sequence[Specimen], base: Scene, folder: Path, extra: Sequence[str] = ()
+) -> int:
+    """Run what is missing and report after every specimen; the last exit code that is not 0."""
+    folder.mkdir(parents=True, exist_ok=True)
+    code = 0
+    for specimen in specimens:
+        code = run(specimen, base, folder, extra) or code
+        report(read(specimens, base, folder), base, folder)
+    return code
 
 
 def statics(scene: Scene) -> dict[str, float]:
@@ -141,6 +160,9 @@ def evaluate(
         "added_compliance": unit * (static["notched_m_n"] - static["whole_m_n"]),
         "added_compliance_published": compliance.added_by_notch(alpha, beta),
         "peak_time_s": summary["peak_time_s"],
+        "beside_plane": summary["fracture_beside_plane_j"] / summary["fracture_j"],
+        "left_strain_j": summary["strain_end_j"],
+        "left_kinetic_j": summary["kinetic_end_j"],
     }
 
 
@@ -159,6 +181,7 @@ def fit(rows: Sequence[Row]) -> Row:
         "intercept_j": float(line.intercept),
         "slope_through_origin": float(x @ y / (x @ x)),
         "fracture_per_ligament": float(np.mean([r["fracture_per_ligament_j_m2"] for r in rows])),
+        "beside_plane": float(np.mean([r["beside_plane"] for r in rows])),
     }
 
 
@@ -188,6 +211,9 @@ COLUMNS = (
     ("of it fracture [mJ]", "fracture_j", 1e3, ".2f"),
     ("U/(B W phi) [J/m2]", "energy_over_b_w_phi_j_m2", 1, ".0f"),
     ("fracture/ligament [J/m2]", "fracture_per_ligament_j_m2", 1, ".0f"),
+    ("of it beside the plane [%]", "beside_plane", 100, ".1f"),
+    ("strain left [mJ]", "left_strain_j", 1e3, ".2f"),
+    ("kinetic left [mJ]", "left_kinetic_j", 1e3, ".2f"),
     ("E B (C - C0), lattice", "added_compliance", 1, ".2f"),
     ("published", "added_compliance_published", 1, ".2f"),
 )
@@ -199,6 +225,7 @@ FITS = (
     ("intercept [mJ]", "intercept_j", 1e3, ".2f"),
     ("slope through 0 [J/m2]", "slope_through_origin", 1, ".0f"),
     ("fracture/ligament, mean [J/m2]", "fracture_per_ligament", 1, ".0f"),
+    ("of it beside the plane, mean [%]", "beside_plane", 100, ".1f"),
 )
 
 
@@ -265,16 +292,19 @@ def main() -> None:
     parser.add_argument("scene", type=Path, help="base scene: configs/bend.toml")
     parser.add_argument("folder", type=Path, help="where the run folders go")
     parser.add_argument("--spacings", nargs="*", type=float, default=SPACINGS, metavar="M")
+    every = range(len(SPECIMENS))
+    parser.add_argument(
+        "--specimens", nargs="+", type=int, default=every, choices=every, metavar="N",
+        help="numbers from 0 of those to run: all eight",
+    )  # fmt: skip
     parser.add_argument("--set", action="append", default=[], metavar="SECTION.KEY=VALUE")
     parser.add_argument("--threads", type=int)
     options = parser.parse_args()
-    options.folder.mkdir(parents=True, exist_ok=True)
     base = load_scene(options.scene, options.set)
-    specimens = [Specimen(*beam, spacing) for spacing in options.spacings for beam in SPECIMENS]
+    beams = [SPECIMENS[number] for number in options.specimens]
+    specimens = [Specimen(*beam, spacing) for spacing in options.spacings for beam in beams]
     extra = ["--threads", str(options.threads)] if options.threads else []
-    for specimen in specimens:
-        run(specimen, base, options.folder, extra)
-        report(read(specimens, base, options.folder), base, options.folder)
+    sys.exit(series(specimens, base, options.folder, extra))
 
 
 if __name__ == "__main__":

@@ -2,19 +2,21 @@
 
     python -m taichi_ldem.studies.boundaries [--modules 2 3 4 6]
 
-- *Bending stiffness of a plate without edges*, exact: a node of the lattice is a centre of symmetry
-  except next to a free face, where centre nodes have lost the bar across it. Where the face's
-  strain has a part normal to it, these nodes give way: a layer whose depth is in modules, so that
-  the plate's stiffness is off by first order. Pure twist and a saddle have no such strain, and are
-  off by second order.
-- *A cube fixed on all its six faces*, which are planes of nodes: nothing is free, jagged or
-  singular.
+A centre node next to a face of the lattice has lost the bar that would cross the face. Strain along
+the face's normal is therefore carried by fewer bars there: a layer whose depth is in modules, and
+an error of first order, whether the face is free or fixed. Strain without that part is not touched
+by it, and the error is of second order, as in the bulk.
+
+- *Bending stiffness* of a plate without edges for uniform curvature, exact: a cylinder or a sphere
+  strains the plate along its thickness, a saddle and a twist do not (nu (k_x + k_y) = 0).
+- *Thickness modes* of a plate without edges, exact: stretch and shear, faces free or fixed.
+- *A cube fixed on all six faces*, which are planes of nodes: nothing is free, jagged or singular.
 - *A plate between square rings* whose sides are planes of nodes: as the paper's, without stairs.
 """
 
 import itertools
 from argparse import ArgumentParser
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,66 +32,98 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 PMMA = {"youngs_modulus": 3.35e9, "poisson_ratio": 0.25, "density": 1190.0, "damage": False}
-THICKNESS, SIDE = 3.2e-3, 92.8e-3
+THICKNESS, SIDE = 3.2e-3, 96e-3
 INNER, OUTER = 38.4e-3, 44.8e-3
-"""Half sides of the square rings, m: whole modules for two, three, four and six through 3.2 mm."""
+"""Half sides of the square rings, m: planes of nodes for two, three, four and six modules through
+3.2 mm, as is the middle of the plate's side."""
 CUBE = 3.2e-3
 SHAPES = {"cylinder": (1.0, 0.0, 0.0), "sphere": (1.0, 1.0, 0.0), "saddle": (1.0, -1.0, 0.0)}
 SHAPES |= {"twist": (0.0, 0.0, 1.0)}
 """Curvatures w_xx, w_yy, w_xy of a plate, up to a sign."""
 
 
-# -- a plate without edges -------------------------------------------------------------------------
+# -- a plate without edges: all nodes of a layer move alike ----------------------------------------
 
 
-def bending_stiffness(modules: int, curvature: tuple[float, float, float], nu: float) -> float:
-    """Stiffness of a lattice plate without edges over the thin plate's, for uniform curvature.
-
-    All nodes of a layer move alike but for rigid motion, so the layers' displacements are the only
-    unknowns. Energies per area: D/2 ((k_x + k_y)^2 - 2 (1 - nu) (k_x k_y - k_xy^2)).
+def layer_bars(modules: int, nu: float) -> Iterator[tuple[int, int, float, Array, Array]]:
+    """Bars of one column of modules of edge 1 with E = 1 that the plate repeats, faces free.
 
     Args:
         modules: through the thickness.
-        curvature: k_x, k_y, k_xy in one unit.
+
+    Yields:
+        layers of both ends (corner nodes from 0 to ``modules``, then centre nodes), stiffness over
+        length, vector, place of its start.
     """
-    kx, ky, kxy = curvature
-    longitudinal, diagonal = mat.axial_stiffness(1.0, nu, 1.0)
-
-    def plate(place: Array) -> Array:  # what Kirchhoff's plate does
-        x, y, z = place - [0.0, 0.0, modules / 2]
-        return np.array([(kx * x + kxy * y) * z, (kxy * x + ky * y) * z, -_bowl(curvature, x, y)])
-
-    layers = 2 * modules + 1  # of corner nodes, then of centre nodes
-    matrix, load, energy = np.zeros((3 * layers, 3 * layers)), np.zeros(3 * layers), 0.0
+    stiffness = mat.axial_stiffness(1.0, nu, 1.0)
     for bar, vector in enumerate(BAR_VECTORS):
         first = 0 if bar < 3 else 1
         last = 1 if 3 <= bar < DIAGONAL.start else 0
-        length = float(np.linalg.norm(vector))
-        along = vector / length
+        spring = stiffness[bar >= DIAGONAL.start] / float(np.linalg.norm(vector))
         for k in range(modules + 1 - first):
             start = np.array([first, first, 2 * k + first]) / 2
             end = round(start[2] + vector[2] - last / 2)
-            if not 0 <= end <= modules - last:
-                continue
-            on_face = bar < 3 and vector[2] == 0 and k in (0, modules)
-            spring = (diagonal if bar >= DIAGONAL.start else longitudinal) / length
-            spring *= 0.5 if on_face else 1.0
-            row = np.zeros((layers, 3))
-            row[end + last * (modules + 1)] += along
-            row[k + first * (modules + 1)] -= along
-            given = along @ (plate(start + vector) - plate(start))
-            matrix += spring * np.outer(row, row)
-            load += spring * given * row.ravel()
-            energy += 0.5 * spring * given**2
+            if 0 <= end <= modules - last:
+                on_face = bar < 3 and vector[2] == 0 and k in (0, modules)
+                share = 0.5 if on_face else 1.0
+                layers = k + first * (modules + 1), end + last * (modules + 1)
+                yield *layers, share * spring, vector, start
+
+
+def bending_stiffness(modules: int, curvature: tuple[float, float, float], nu: float) -> float:
+    """Stiffness of a plate without edges over the thin plate's, for uniform curvature.
+
+    Energies per area: D/2 ((k_x + k_y)^2 - 2 (1 - nu) (k_x k_y - k_xy^2)).
+
+    Args:
+        curvature: k_x, k_y, k_xy in one unit.
+    """
+    kx, ky, kxy = curvature
+
+    def thin(place: Array) -> Array:  # what Kirchhoff's plate does
+        x, y, z = place - [0.0, 0.0, modules / 2]
+        bowl = 0.5 * kx * x * x + 0.5 * ky * y * y + kxy * x * y
+        return np.array([(kx * x + kxy * y) * z, (kxy * x + ky * y) * z, -bowl])
+
+    layers = 2 * modules + 1
+    matrix, load, energy = np.zeros((3 * layers, 3 * layers)), np.zeros(3 * layers), 0.0
+    for one, two, spring, vector, start in layer_bars(modules, nu):
+        along = vector / np.linalg.norm(vector)
+        row = np.zeros((layers, 3))
+        row[two] += along
+        row[one] -= along
+        given = along @ (thin(start + vector) - thin(start))
+        matrix += spring * np.outer(row, row)
+        load += spring * given * row.ravel()
+        energy += 0.5 * spring * given**2
     moved = np.linalg.lstsq(matrix, -load, rcond=None)[0]  # the layers may move together
     energy += 0.5 * float(load @ moved)
-    thin = (kx + ky) ** 2 - 2 * (1 - nu) * (kx * ky - kxy**2)
-    return energy / (0.5 * modules**3 / 12 / (1 - nu**2) * thin)
+    form = (kx + ky) ** 2 - 2 * (1 - nu) * (kx * ky - kxy**2)
+    return energy / (0.5 * modules**3 / 12 / (1 - nu**2) * form)
 
 
-def _bowl(curvature: tuple[float, float, float], x: float, y: float) -> float:
-    kx, ky, kxy = curvature
-    return 0.5 * kx * x * x + 0.5 * ky * y * y + kxy * x * y
+def thickness_frequency(modules: int, axis: int, fixed: bool, nu: float) -> float:
+    """First frequency of a plate without edges whose layers move along an axis, over the solid's.
+
+    Half a wave fits in the thickness, with both faces free or both fixed: omega = pi c / H.
+
+    Args:
+        axis: 2 is stretch, 0 is shear.
+    """
+    layers = 2 * modules + 1
+    matrix = np.zeros((layers, layers))
+    for one, two, spring, vector, _ in layer_bars(modules, nu):
+        share = spring * vector[axis] ** 2 / float(vector @ vector)
+        for a, b, sign in ((one, one, 1), (two, two, 1), (one, two, -1), (two, one, -1)):
+            matrix[a, b] += sign * share
+    mass = np.full(layers, 0.5)  # of density 1
+    mass[[0, modules]] = 0.25
+    free = np.setdiff1d(np.arange(layers), [0, modules]) if fixed else np.arange(layers)
+    root = np.sqrt(mass[free])
+    values = np.linalg.eigvalsh(matrix[np.ix_(free, free)] / np.outer(root, root))
+    c11, _, c44 = mat.elastic_constants(1.0, nu)
+    speed = np.sqrt(c11 if axis == 2 else c44)
+    return float(np.sqrt(values[0 if fixed else 1]) / (np.pi * speed / modules))
 
 
 # -- bodies with faces held ------------------------------------------------------------------------
@@ -210,6 +244,11 @@ def main() -> None:
     for name, curvature in SHAPES.items():
         off = {n: bending_stiffness(n, curvature, 0.25) - 1 for n in (3, 4, 6, 8, 12, 24)}
         print(table(f"bending stiffness, {name}", off, None), flush=True)
+    for name, axis in (("stretch", 2), ("shear", 0)):
+        for fixed in (False, True):
+            off = {n: thickness_frequency(n, axis, fixed, 0.25) - 1 for n in (3, 4, 6, 8, 12, 24)}
+            kind = "fixed" if fixed else "free"
+            print(table(f"thickness {name}, faces {kind}", off, None), flush=True)
     print(table("cube, all faces fixed", *cube_errors(options.cube)), flush=True)
     print(table("plate between square rings", *ring_errors(options.modules)), flush=True)
 
