@@ -115,14 +115,19 @@ def test_a_perfectly_brittle_series_gives_its_fracture_energy(tmp_path: Path) ->
     assert len(numbers["specimens"]) == 8
     assert (tmp_path / "bending.png").stat().st_size > 10_000
     text = (tmp_path / "bending.md").read_text()
-    assert "| 0.5 | 8 | 1000 |" in text
+    assert "| 0.5 | 3 | 8 | 1000 |" in text
 
 
 def test_the_line_s_confidence_is_student_s() -> None:
     """Anscombe's first set (1973): slope 0.5001 with standard error 0.1179, eleven points."""
     x = np.array([10, 8, 13, 9, 11, 14, 6, 4, 12, 7, 5], dtype=float)
     y = np.array([8.04, 6.95, 7.58, 8.81, 8.33, 9.96, 7.24, 4.26, 10.84, 4.82, 5.68])
-    others = {"spacing_m": 1.0, "fracture_per_ligament_j_m2": 1.0, "beside_plane": 0.0}
+    others = {
+        "spacing_m": 1.0,
+        "thickness_m": 1.0,
+        "fracture_per_ligament_j_m2": 1.0,
+        "beside_plane": 0.0,
+    }
     rows = [others | {"b_w_phi_m2": a, "energy_j": b} for a, b in zip(x, y, strict=True)]
     line = bending.fit(rows)
     assert line["fracture_energy_slope"] == pytest.approx(0.5001, abs=1e-4)

@@ -101,14 +101,18 @@ def run(specimen: Specimen, base: Scene, folder: Path, extra: Sequence[str]) -> 
 
 
 def series(
-    specimens: Sequence[Specimen], base: Scene, folder: Path, extra: Sequence[str] = ()
+    specimens: Sequence[Specimen],
+    base: Scene,
+    folder: Path,
+    extra: Sequence[str] = (),
+    others: Sequence[Row] = (),
 ) -> int:
     """Run what is missing and report after every specimen; the last exit code that is not 0."""
     folder.mkdir(parents=True, exist_ok=True)
     code = 0
     for specimen in specimens:
         code = run(specimen, base, folder, extra) or code
-        report(read(specimens, base, folder), base, folder)
+        report(read(specimens, base, folder), base, folder, others)
     return code
 
 
@@ -145,6 +149,7 @@ def evaluate(
     energy = summary["absorbed_j"] - in_dents
     return {
         "spacing_m": scene.plate.spacing,
+        "thickness_m": thickness,
         "width_m": width,
         "notch_depth_m": depth,
         "alpha": alpha,
@@ -175,6 +180,7 @@ def fit(rows: Sequence[Row]) -> Row:
     line = stats.linregress(x, y)
     return {
         "spacing_m": rows[0]["spacing_m"],
+        "thickness_m": rows[0]["thickness_m"],
         "specimens": len(rows),
         "fracture_energy_slope": float(line.slope),
         "confidence_95": float(stats.t.ppf(0.975, len(x) - 2) * line.stderr),
@@ -198,6 +204,7 @@ def read(specimens: Sequence[Specimen], base: Scene, folder: Path) -> list[Row]:
 
 COLUMNS = (
     ("L [mm]", "spacing_m", 1e3, ".3g"),
+    ("B [mm]", "thickness_m", 1e3, ".3g"),
     ("W [mm]", "width_m", 1e3, ".2f"),
     ("a [mm]", "notch_depth_m", 1e3, ".3f"),
     ("a/W", "alpha", 1, ".3f"),
@@ -219,6 +226,7 @@ COLUMNS = (
 )
 FITS = (
     ("L [mm]", "spacing_m", 1e3, ".3g"),
+    ("B [mm]", "thickness_m", 1e3, ".3g"),
     ("specimens", "specimens", 1, "d"),
     ("slope [J/m2]", "fracture_energy_slope", 1, ".0f"),
     ("95 % [J/m2]", "confidence_95", 1, ".0f"),
@@ -239,37 +247,49 @@ def table(rows: Sequence[Row], columns: Sequence[tuple[str, str, float, str]]) -
 
 
 def figure(rows: Sequence[Row], fits: Sequence[Row], given: float, file: Path) -> None:
-    """Draw U against B W phi with the lines, the input's slope and the measured band."""
+    """Draw U/B against W phi with the lines, the input's slope and the measured band."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     drawing = Figure(figsize=(9, 6.5), dpi=130, layout="constrained")
     FigureCanvasAgg(drawing)
-    axes = drawing.add_subplot(xlabel=r"$B W \phi$ [mm$^2$]", ylabel="U [mJ]")
-    ends = np.array([0.0, 1.1e6 * max(row["b_w_phi_m2"] for row in rows)])
+    axes = drawing.add_subplot(
+        xlabel=r"$W \phi$ [mm]", ylabel="U / B [mJ/mm]: energy absorbed when the crack runs"
+    )
+    largest = max(row["b_w_phi_m2"] / row["thickness_m"] for row in rows)
+    ends = np.array([0.0, 1.1e3 * largest])
     low, high = (1e-3 * g * ends for g in (MEASURED - SCATTER, MEASURED + SCATTER))
     label = f"experiments (paper): {MEASURED:.0f} +- {SCATTER:.0f} J/m2"
     axes.fill_between(ends, low, high, color="tab:red", alpha=0.15, lw=0, label=label)
     axes.plot(ends, 1e-3 * given * ends, "k--", lw=1, label=f"input G_f: {given:.0f} J/m2")
     for number, line in enumerate(fits):
         mine = [row for row in rows if row["spacing_m"] == line["spacing_m"]]
-        x, y = (np.array([row[key] for row in mine]) for key in ("b_w_phi_m2", "energy_j"))
-        axes.plot(1e6 * x, 1e3 * y, "os^D"[number % 4], color=f"C{number}", ms=8)
-        fitted = 1e3 * (line["fracture_energy_slope"] * 1e-6 * ends + line["intercept_j"])
+        x, y = (
+            np.array([row[key] / row["thickness_m"] for row in mine])
+            for key in ("b_w_phi_m2", "energy_j")
+        )
+        axes.plot(1e3 * x, y, "os^D"[number % 4], color=f"C{number}", ms=8)
         slope, error = line["fracture_energy_slope"], line["confidence_95"]
+        fitted = 1e-3 * slope * ends + line["intercept_j"] / line["thickness_m"]
         label = (
-            f"L = {1e3 * line['spacing_m']:.3g} mm: slope {slope:.0f} +- {error:.0f} J/m2 (95 %)"
+            f"L = {1e3 * line['spacing_m']:.3g} mm, B = {1e3 * line['thickness_m']:.3g} mm: "
+            f"slope {slope:.0f} +- {error:.0f} J/m2 (95 %)"
         )
         axes.plot(ends, fitted, color=f"C{number}", label=label)
     axes.set_xlim(*ends)
-    axes.set_ylim(bottom=min(0.0, *(1e3 * line["intercept_j"] for line in fits)))
+    axes.set_ylim(bottom=min(0.0, *(line["intercept_j"] / line["thickness_m"] for line in fits)))
     axes.grid(alpha=0.3)
     axes.legend(loc="upper left")
     drawing.savefig(file)
 
 
-def report(rows: Sequence[Row], base: Scene, folder: Path) -> None:
-    """Write ``summary.json``, ``bending.md`` and ``bending.png`` for lattices of three or more."""
+def report(rows: Sequence[Row], base: Scene, folder: Path, others: Sequence[Row] = ()) -> None:
+    """Write ``summary.json``, ``bending.md`` and ``bending.png`` for lattices of three or more.
+
+    Args:
+        others: rows of other series, on other modules, to stand beside.
+    """
+    rows = [*rows, *others]
     groups = [[r for r in rows if r["spacing_m"] == s] for s in {r["spacing_m"]: 0 for r in rows}]
     fits = [fit(group) for group in groups if len(group) > 2]
     if not fits:
@@ -299,12 +319,15 @@ def main() -> None:
     )  # fmt: skip
     parser.add_argument("--set", action="append", default=[], metavar="SECTION.KEY=VALUE")
     parser.add_argument("--threads", type=int)
+    parser.add_argument("--beside", nargs="+", type=Path, default=[], help="finished series")
     options = parser.parse_args()
     base = load_scene(options.scene, options.set)
     beams = [SPECIMENS[number] for number in options.specimens]
     specimens = [Specimen(*beam, spacing) for spacing in options.spacings for beam in beams]
     extra = ["--threads", str(options.threads)] if options.threads else []
-    sys.exit(series(specimens, base, options.folder, extra))
+    finished = [json.loads((folder / "summary.json").read_text()) for folder in options.beside]
+    others = [row for numbers in finished for row in numbers["specimens"]]
+    sys.exit(series(specimens, base, options.folder, extra, others))
 
 
 if __name__ == "__main__":

@@ -86,13 +86,14 @@ def bending_stiffness(modules: int, curvature: tuple[float, float, float], nu: f
         return np.array([(kx * x + kxy * y) * z, (kxy * x + ky * y) * z, -bowl])
 
     layers = 2 * modules + 1
-    matrix, load, energy = np.zeros((3 * layers, 3 * layers)), np.zeros(3 * layers), 0.0
+    matrix, load = np.zeros((3 * layers, 3 * layers)), np.zeros(3 * layers)
+    energy = 0.0
     for one, two, spring, vector, start in layer_bars(modules, nu):
         along = vector / np.linalg.norm(vector)
         row = np.zeros((layers, 3))
         row[two] += along
         row[one] -= along
-        given = along @ (thin(start + vector) - thin(start))
+        given = float(along @ (thin(start + vector) - thin(start)))
         matrix += spring * np.outer(row, row)
         load += spring * given * row.ravel()
         energy += 0.5 * spring * given**2
