@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_ldem.backend import vulkan_device
-from taichi_ldem.scene import load_scene
+from taichi_ldem.scene import Notch, load_scene
 from taichi_ldem.store import Fields, RunFolder, read_fields, read_times
 
 if TYPE_CHECKING:
@@ -167,6 +167,23 @@ def _holding(fields: Fields) -> NDArray[np.bool_]:
     half_diagonal = np.linalg.norm(first[6] - first[0]) / 2
     # NaN, too, is not drawn.
     return (fields.broken_fraction < GONE) & (spread < _TORN * half_diagonal)
+
+
+def notched(fields: Fields, notches: Sequence[Notch]) -> NDArray[np.bool_]:
+    """Modules (C,) that a notch cuts: left out, as a saw would, they show where it is."""
+    low = fields.points[fields.hexahedra[:, 0]]
+    edge = float(np.linalg.norm(fields.points[fields.hexahedra[0, 1]] - low[0]))
+    found = np.zeros(len(low), dtype=bool)
+    for notch in notches:
+        normal, *axes = notch.axes
+        # a plane through nodes lies just beyond them (Lattice.bars_crossing)
+        off = (notch.position - low[:, normal]) / edge
+        cut = (off > -1e-6) & (off < 1 - 1e-6)
+        for axis, (start, stop) in zip(axes, notch.bounds, strict=True):
+            middle = low[:, axis] + edge / 2
+            cut &= (middle > start) & (middle < stop)
+        found |= cut
+    return found
 
 
 def exterior(fields: Fields, part: NDArray[np.bool_]) -> Surface:
@@ -367,7 +384,9 @@ def _draw_step(painter: _Painter, folder: RunFolder, step: int) -> None:
     # With an odd number of modules across, the row in the middle stays whole.
     middle = (lower[1] + upper[1]) / 2 - 1e-6 * (upper[1] - lower[1])
     far_half = fields.points[fields.hexahedra].mean(axis=1)[:, 1] > middle
-    struck = load_scene(folder.scene_file).striker is not None
+    scene = load_scene(folder.scene_file)
+    struck = scene.striker is not None
+    fields.broken_fraction[notched(fields, scene.notch)] = 1.0
     for name, picture in zip(_VIEWS, _pictures(folder, (step, fields.time)), strict=True):
         view = _VIEWS[name](upper - lower)
         if not struck:

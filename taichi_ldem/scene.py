@@ -84,8 +84,12 @@ class Plate(_Table):
     """The specimen: a prism of cubic modules of edge L = thickness / modules_through_thickness."""
 
     size: tuple[Positive, Positive, Positive] = Field(description="sides x, y, z (thickness), m")
-    modules_through_thickness: Annotated[int, Field(strict=True, ge=1, le=10_000)]
-    shape: Literal["rectangle", "disc", "dumbbell"] = "rectangle"
+    modules_through_thickness: Annotated[int, Field(strict=True, ge=1, le=10_000)] = Field(
+        description="cubic modules along z; their edge L is size[2] over this number"
+    )
+    shape: Literal["rectangle", "disc", "dumbbell"] = Field(
+        default="rectangle", description="outline in the plane; 'dumbbell' lies along x"
+    )
     diameter: Positive | None = Field(
         default=None,
         description="of the disc cut from the prism, centred, m; for shape = 'disc' only",
@@ -308,8 +312,10 @@ class Striker(_Table):
     is wide, on a flat shaft.
     """
 
-    shape: Literal["hemisphere", "cylinder"] = "hemisphere"
-    diameter: Positive = Field(description="m")
+    shape: Literal["hemisphere", "cylinder"] = Field(
+        default="hemisphere", description="of the nose; the cylinder's axis is along y"
+    )
+    diameter: Positive = Field(description="of nose and shaft, m")
     mass: Positive = Field(description="kg")
     velocity: NonNegative = Field(description="initial, towards the plate, m/s")
     gravity: NonNegative = Field(
@@ -332,7 +338,10 @@ class Clamp(_Table):
     changed alone.
     """
 
-    kind: Literal["rings", "bonded", "rim", "free"]
+    kind: Literal["rings", "bonded", "rim", "free"] = Field(
+        description="rings that may separate; nodes of both faces between the circles fixed; all"
+        " nodes outside the inner circle fixed; not held"
+    )
     inner_diameter: Positive | None = Field(default=None, description="m; not for kind = 'free'")
     outer_diameter: Positive | None = Field(default=None, description="m; for 'rings' and 'bonded'")
 
@@ -379,7 +388,9 @@ class Pulse(_Table):
     """
 
     axis: Axis = Field(description="direction of travel, towards larger coordinates")
-    kind: Literal["longitudinal", "shear", "bar"] = "longitudinal"
+    kind: Literal["longitudinal", "shear", "bar"] = Field(
+        default="longitudinal", description="plane waves, or the mode of a bar with free sides"
+    )
     wavelength: Positive = Field(
         description="where the strain's spectrum peaks, m: 2 pi times the Gaussian's deviation"
     )
@@ -394,7 +405,7 @@ class Supports(_Table):
     """Two fixed rigid cylinders under the plate, axes along y, at x = +-span/2; no friction."""
 
     span: Positive = Field(description="between the two axes, m")
-    diameter: Positive = Field(description="m")
+    diameter: Positive = Field(description="of both cylinders, m")
 
 
 class Solver(_Table):
@@ -459,7 +470,7 @@ class Output(_Table):
 class Notch(_Table):
     """A plane of cut bars: a rectangle normal to an axis. Its bars are removed, not broken."""
 
-    normal: Axis
+    normal: Axis = Field(description="axis that the plane is normal to")
     position: Real = Field(description="of the plane along its normal, m")
     from_: tuple[Real, Real] = Field(  # `from` is a keyword
         alias="from", description="one corner: the other two coordinates in the order x, y, z, m"
