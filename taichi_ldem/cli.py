@@ -1,7 +1,7 @@
-"""The command line: a command a scenario, `resume`, `info`, `render`, `plot`. No physics.
+"""The command line: a command a scenario, `resume`, `info`, `render`, `plot`, `report`.
 
-Heavy modules are imported inside the commands, Taichi only once the scene and the run folder are
-known to be good: help and refusals are quick.
+No physics here. Heavy modules are imported inside the commands, Taichi only once the scene and the
+run folder are known to be good: help and refusals are quick.
 """
 
 import sys
@@ -236,6 +236,25 @@ def plot(folder: Folder) -> None:
     from taichi_ldem.store import RunFolder
 
     _list(plot_run(RunFolder.open(folder)))
+
+
+@app.command()
+def report(
+    folder: Annotated[
+        Path,
+        typer.Argument(metavar="DIR", help="folder of a run or an ensemble", show_default=False),
+    ],
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="the page (default: DIR/report.html)")
+    ] = None,
+    pictures: Annotated[
+        int, typer.Option(help="times at which the plate is drawn, at most", min=0)
+    ] = 12,
+) -> None:
+    """Write one HTML page about a run or an ensemble; it opens from disk, without a network."""
+    from taichi_ldem.report import write_report
+
+    typer.echo(write_report(folder, out, pictures=pictures))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
