@@ -64,7 +64,7 @@ docs: $(VENV)/.dev
 	$(BIN)/mkdocs build --strict
 
 $(VENV)/.run: pyproject.toml $(VENV)/.made
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[report]'
 	@touch $@
 
 $(VENV)/.dev: pyproject.toml requirements-dev.lock $(VENV)/.made
