@@ -1,7 +1,7 @@
-"""The command line: a command a scenario, `resume`, `info`, `render`, `plot`. No physics.
+"""The command line: a command a scenario, `resume`, `info`, `render`, `plot`, `report`.
 
-Heavy modules are imported inside the commands, Taichi only once the scene and the run folder are
-known to be good: help and refusals are quick.
+No physics here. Heavy modules are imported inside the commands, Taichi only once the scene and the
+run folder are known to be good: help and refusals are quick.
 """
 
 import sys
@@ -257,12 +257,53 @@ def render(
         list[float] | None,
         typer.Option(metavar="SECONDS", help="of a snapshot (default: image times and the end)"),
     ] = None,
+    movie: Annotated[
+        bool, typer.Option("--movie", help="a movie of all stored fields instead of snapshots")
+    ] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="the movie, .mp4 or .gif (default: DIR/movie.mp4)"),
+    ] = None,
+    view: Annotated[str | None, typer.Option(help="below, above or cut")] = None,
+    azimuth: Annotated[
+        float | None, typer.Option(help="of the camera, degrees from the -y axis")
+    ] = None,
+    elevation: Annotated[
+        float | None, typer.Option(help="of the camera, degrees above the plate")
+    ] = None,
+    section: Annotated[
+        str | None,
+        typer.Option(metavar="AXIS=METRES", help="cut the plate open, e.g. y=0"),
+    ] = None,
+    colour: Annotated[str | None, typer.Option(help="damage, velocity or energy")] = None,
+    fps: Annotated[float, typer.Option(help="pictures a second of a movie")] = 12.0,
+    width: Annotated[int, typer.Option(help="of a movie, pixels")] = 1120,
 ) -> None:
-    """Draw the snapshots of a run again."""
-    from taichi_ldem.render import render_run
+    """Draw the snapshots of a run again, or a movie.
+
+    With a view, camera, section or colour of its own a snapshot is one picture, shot_MS.png.
+    """
+    from taichi_ldem.render import Shot, parse_section, render_run
     from taichi_ldem.store import RunFolder
 
-    _list(render_run(RunFolder.open(folder), time or None))
+    run = RunFolder.open(folder)
+    given = {"view": view, "azimuth": azimuth, "elevation": elevation, "colour": colour}
+    own: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
+    if section is not None:
+        own["section"] = parse_section(section)
+    shot = Shot(**own)
+    if movie or out is not None:
+        from taichi_ldem.movie import movie as make
+
+        path = folder / "movie.mp4" if out is None else out
+        count = make(run, path, shot, fps=fps, width=width)
+        typer.echo(f"{path}: {count} pictures")
+    elif own:
+        from taichi_ldem.render import render_shots_into
+
+        _list(render_shots_into(run, shot, time or None))
+    else:
+        _list(render_run(run, time or None))
 
 
 @app.command()
@@ -273,6 +314,25 @@ def plot(folder: Folder) -> None:
     from taichi_ldem.store import RunFolder
 
     _list(report(folder) if is_ensemble(folder) else plot_run(RunFolder.open(folder)))
+
+
+@app.command()
+def report(
+    folder: Annotated[
+        Path,
+        typer.Argument(metavar="DIR", help="folder of a run or an ensemble", show_default=False),
+    ],
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="the page (default: DIR/report.html)")
+    ] = None,
+    pictures: Annotated[
+        int, typer.Option(help="times at which the plate is drawn, at most", min=0)
+    ] = 12,
+) -> None:
+    """Write one HTML page about a run or an ensemble; it opens from disk, without a network."""
+    from taichi_ldem.report import write_report
+
+    typer.echo(write_report(folder, out, pictures=pictures))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import os
+import sys
 from pathlib import Path
 
 from taichi_ldem.disorder import varies
@@ -138,3 +139,13 @@ def _limit_of_process() -> int | None:
             taken = int(Path("/proc/self/statm").read_text().split()[0])
             return max(limit - taken * resource.getpagesize(), 0)
     return None
+
+
+def peak_bytes() -> int | None:
+    """Largest resident memory of this process so far, bytes; None where the system does not say."""
+    if sys.platform == "win32":
+        return None
+    import resource
+
+    largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return largest if sys.platform == "darwin" else 1024 * largest

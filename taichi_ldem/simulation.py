@@ -482,7 +482,7 @@ class Simulation:
             self._advance_to(min(due, self.steps), between)
             sample = self.sample_step()
             yield sample
-            self._guard(sample)
+            self.guard(sample)
 
     def _advance_to(self, step: int, between: Callable[[], None]) -> None:
         between()
@@ -491,8 +491,12 @@ class Simulation:
             self.advance(min(listing, step - self.step_number))
             between()
 
-    def _guard(self, sample: Sample) -> None:
-        """Stop at the first NaN or at 5 % energy error (the run's limit for a wrong answer)."""
+    def guard(self, sample: Sample) -> None:
+        """Stop at the first NaN or at 5 % energy error (the run's limit for a wrong answer).
+
+        Raises:
+            SimulationStopped: with time, step, place and likely cause.
+        """
         if np.isfinite(sample.ledger.stored) and sample.energy_error <= STOP_ERROR:
             return
         where = f"t = {sample.time:.6g} s, step {sample.step}: "
