@@ -36,16 +36,20 @@ def test_names_tell_the_specimens_apart() -> None:
     assert len({specimen.name for specimen in SERIES}) == len(SERIES)
 
 
-def test_a_finished_specimen_is_not_run_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    ran: list[list[str]] = []
+@pytest.fixture
+def ran(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+    """Commands that would have been run; each is taken to fail with exit code 3."""
+    commands: list[list[str]] = []
 
     def record(command: list[str], **_: object) -> subprocess.CompletedProcess[str]:
-        ran.append(command)
+        commands.append(command)
         return subprocess.CompletedProcess(command, 3)
 
     monkeypatch.setattr(subprocess, "run", record)
+    return commands
+
+
+def test_a_finished_specimen_is_not_run_again(tmp_path: Path, ran: list[list[str]]) -> None:
     done, missing = SERIES[:2]
     (tmp_path / done.name).mkdir()
     for name in ("summary.json", "statics.json"):
@@ -58,15 +62,8 @@ def test_a_finished_specimen_is_not_run_again(
 
 
 def test_the_command_runs_a_series_on_the_scene_s_modules(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, ran: list[list[str]]
 ) -> None:
-    ran: list[list[str]] = []
-
-    def record(command: list[str], **_: object) -> subprocess.CompletedProcess[str]:
-        ran.append(command)
-        return subprocess.CompletedProcess(command, 3)
-
-    monkeypatch.setattr(subprocess, "run", record)
     words = [
         "bend",
         str(CONFIGS / "bend_quick.toml"),
