@@ -8,8 +8,9 @@ import os
 import sys
 from pathlib import Path
 
+from taichi_ldem.disorder import varies
 from taichi_ldem.lanes import Lanes
-from taichi_ldem.scene import Scene, SceneError
+from taichi_ldem.scene import DISORDERED, Scene, SceneError
 
 BASE = 250e6
 """Bytes of the interpreter, Taichi's compiler and the libraries: 230 MB measured."""
@@ -35,8 +36,16 @@ def field_bytes(scene: Scene) -> int:
         size += 2
     if scene.solver.damping > 0:
         size += 2 * real
-    touched = 1 if damage or notch else 0
-    return nz * ny * lanes.columns * (lanes.width * size + touched)
+    uneven = {name for name in DISORDERED if varies(scene, name)}
+    column = 1 if damage or notch else 0  # touched
+    if damage and uneven - {"density"}:
+        size += 14 * real  # strength
+        column += real  # weakest
+    if "youngs_modulus" in uneven:
+        size += 14 * real
+    if "density" in uneven:
+        size += 4 * real
+    return nz * ny * lanes.columns * (lanes.width * size + column)
 
 
 def _lanes(scene: Scene, sites: int) -> tuple[Lanes, int]:
@@ -61,6 +70,11 @@ def needed_bytes(scene: Scene) -> int:
     return int(BASE + field_bytes(scene) + _scalar_bytes(scene) + HOST * sites)
 
 
+VULKAN_LIMIT = 2**32
+"""Bytes of all fields together that Taichi reaches on Vulkan: it counts them in 32 bits, and beyond
+that writes over what was first."""
+
+
 def available_bytes() -> int | None:
     """Bytes that can be taken without swapping, within the limits of a container or a job.
 
@@ -73,6 +87,12 @@ def available_bytes() -> int | None:
 
 def refuse_too_large(scene: Scene) -> None:
     """Raise SceneError where a scene's lattice does not fit into memory."""
+    fields = field_bytes(scene) + _scalar_bytes(scene)
+    if scene.solver.arch == "vulkan" and fields >= VULKAN_LIMIT:
+        raise SceneError(
+            f'solver.arch = "vulkan": the lattice needs {fields:,} bytes, Taichi reaches 4 GiB '
+            'there; take fewer modules or "cuda" or "cpu"'
+        )
     free, needed = available_bytes(), needed_bytes(scene)
     if free is None or needed <= free:
         return

@@ -8,15 +8,21 @@ import pytest
 from blocks import DAMAGE, block_scene
 
 from taichi_ldem import memory
-from taichi_ldem.scene import SceneError
+from taichi_ldem.scene import DISORDERED, SceneError
 
 NOTCH = [{"normal": "x", "position": 2.5e-4, "from": [-1, -1], "to": [1, 1]}]
 
 
 @pytest.mark.parametrize(
     "tables",
-    [{}, {"material": DAMAGE}, {"solver": {"damping": 10.0}}, {"notch": NOTCH}],
-    ids=["elastic", "damage", "damping", "notch"],
+    [
+        {},
+        {"material": DAMAGE},
+        {"solver": {"damping": 10.0}},
+        {"notch": NOTCH},
+        {"material": DAMAGE, "disorder": {f"{n}_cv": 0.1 for n in DISORDERED}},
+    ],
+    ids=["elastic", "damage", "damping", "notch", "disorder"],
 )
 def test_the_bytes_are_those_of_the_fields(taichi: None, tables: dict) -> None:
     from taichi_ldem.dynamics import field_bytes
@@ -64,6 +70,19 @@ def test_too_large_a_lattice_is_named_with_the_bytes(monkeypatch: pytest.MonkeyP
         memory.refuse_too_large(scene)
     monkeypatch.setattr(memory, "available_bytes", lambda: None)
     memory.refuse_too_large(scene)
+
+
+def test_vulkan_reaches_four_gib(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Taichi's offsets into its fields have 32 bits there, and wrap around in silence."""
+    monkeypatch.setattr(memory, "available_bytes", lambda: None)
+    for arch in ("vulkan", "cuda"):
+        scene = block_scene(1000, 1000, 30, solver={"arch": arch})
+        assert memory.field_bytes(scene) > 2**32
+        if arch == "vulkan":
+            with pytest.raises(SceneError, match=r"Taichi reaches 4 GiB"):
+                memory.refuse_too_large(scene)
+        else:
+            memory.refuse_too_large(scene)
 
 
 def test_a_container_s_limit_counts(tmp_path: Path) -> None:
