@@ -54,7 +54,8 @@ class Need:
 
     Attributes:
         words: after the interpreter; "{out}" stands for the folder.
-        quick: words added for a quick run (``--set`` and options), or None: no difference.
+        quick: words added for a quick run.
+        quick_scene: stands for configs/impact.toml in a quick run, if another.
         done: the file that a finished run has.
         resume: words that go on with a folder that was begun.
     """
@@ -64,6 +65,15 @@ class Need:
     quick: tuple[str, ...] = ()
     done: str = "summary.json"
     resume: tuple[str, ...] = ()
+    quick_scene: str = "configs/impact.toml"
+
+    def command(self, folder: Path, *, quick: bool, again: bool) -> list[str]:
+        """Words after the interpreter, to begin or to go on."""
+        words = self.resume if again else self.words
+        if quick and words[2:3] != ("resume",):
+            scenes = {"configs/impact.toml": self.quick_scene}
+            words = (*(scenes.get(word, word) for word in words), *self.quick)
+        return [word.format(out=folder) for word in words]
 
 
 _LDEM = ("-m", "taichi_ldem.cli")
@@ -104,7 +114,8 @@ NEEDS: dict[str, Need] = {
         Need(
             "ensemble",
             (*_MANY, *_TO_OUT[:-1]),
-            _FIVE,
+            ("--precision", "f32"),
+            quick_scene="configs/impact_quick.toml",
             done="ensemble.json",
             resume=(*_MANY, *_TO_OUT[:-1], "--resume"),
         ),
@@ -146,12 +157,8 @@ def conduct(
         if begun and (folder / need.done).is_file() and _is_whole(need, folder):
             tell(f"{name}: finished already")
             continue
-        words = need.words
-        if begun and resume and need.resume and _can_resume(need, folder):
-            words = need.resume
-        if quick and words[2:3] != ("resume",):
-            words = (*words, *need.quick)
-        command = [sys.executable, *(word.format(out=folder) for word in words)]
+        again = begun and resume and bool(need.resume) and _can_resume(need, folder)
+        command = [sys.executable, *need.command(folder, quick=quick, again=again)]
         tell(f"{name}: {' '.join(command[1:])}")
         started = time.perf_counter()
         (out / "logs").mkdir(parents=True, exist_ok=True)
@@ -646,8 +653,9 @@ def write(
     ]
     if quick:
         parts.append(
-            "\nQuick: five modules through the thickness and f32 for impacts, coarser specimens "
-            "elsewhere. Not for comparison to the last digit.\n"
+            "\nQuick: five modules through the thickness and f32 for the homogeneous specimen, "
+            "half the specimen with three modules for the random ones, coarser lattices elsewhere. "
+            "For a first look, not for comparison.\n"
         )
     for item in items:
         parts.append(f"\n## {item.title}\n\n")

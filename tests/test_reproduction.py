@@ -1,5 +1,6 @@
 """``ldem paper``: what it runs, how it goes on, and what it writes from run folders."""
 
+import itertools
 import json
 from pathlib import Path
 
@@ -31,15 +32,24 @@ def test_every_item_s_runs_are_known_and_their_commands_parse() -> None:
     group = typer.main.get_command(cli.app)
     assert {name for item in ITEMS for name in item.needs} == set(NEEDS)
     for need in filter(available, NEEDS.values()):
-        for words in (need.words, (*need.words, *need.quick), need.resume):
-            if words[1:2] != ("taichi_ldem.cli",):
+        for quick, again in itertools.product((False, True), repeat=2):
+            words = need.command(Path("outputs/x"), quick=quick, again=again and bool(need.resume))
+            _, module, command, *rest = words
+            if module != "taichi_ldem.cli":
                 continue
-            name, *rest = (word.format(out="outputs/x") for word in words[2:])
-            group.commands[name].make_context(name, rest).close()
-            scenes = [word for word in rest if word.endswith(".toml")]
-            given = [b for a, b in zip(rest, rest[1:], strict=False) if a == "--set"]  # noqa: RUF007
-            for scene in scenes:
+            group.commands[command].make_context(command, list(rest)).close()
+            given = [b for a, b in itertools.pairwise(rest) if a == "--set"]
+            for scene in (word for word in rest if word.endswith(".toml")):
                 load_scene(ROOT / scene, given)
+
+
+def test_a_quick_run_is_another_command() -> None:
+    need, folder = NEEDS["ensemble"], Path("x")
+    words = need.command(folder, quick=True, again=True)
+    assert "configs/impact_quick.toml" in words
+    assert "configs/impact.toml" not in words
+    assert words[-2:] == ["--precision", "f32"]
+    assert NEEDS["impact"].command(folder, quick=True, again=True)[2:4] == ["resume", "x"]
 
 
 @pytest.mark.parametrize(
