@@ -335,6 +335,24 @@ def report(
     typer.echo(write_report(folder, out, pictures=pictures))
 
 
+@app.command()
+def paper(
+    quick: Annotated[
+        bool, typer.Option("--quick", help="coarser lattices, minutes instead of hours")
+    ] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="go on in the same folder")] = False,
+    only: Annotated[
+        str | None, typer.Option(metavar="KEY,KEY,...", help="e.g. fig11,table3")
+    ] = None,
+    out: Annotated[Path, typer.Option(metavar="DIR")] = Path("outputs", "paper"),
+) -> None:
+    """Recompute the paper's figures and tables, each beside the printed values."""
+    from taichi_ldem.reproduction import reproduce
+
+    code = reproduce(out, quick=quick, resume=resume, only=only, tell=typer.echo)
+    raise typer.Exit(code)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code.
 

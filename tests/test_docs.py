@@ -222,10 +222,7 @@ def test_every_equation_names_the_function_that_holds_it() -> None:
             assert name in _defined(module), f"there is no {module}.{name}"
         numbers = [int(n) for n in re.findall(r"\((\d+)\)", equations)]
         covered |= set(range(numbers[0], numbers[-1] + 1)) if " to " in equations else set(numbers)
-    wanted = set(range(1, 19))
-    if not (ROOT / "taichi_ldem/disorder.py").is_file():
-        wanted -= {14, 15, 16, 17}  # random fields
-    assert wanted <= covered
+    assert set(range(1, 19)) <= covered
 
 
 def test_it_builds_without_a_warning(tmp_path: Path) -> None:
