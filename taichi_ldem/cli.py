@@ -91,9 +91,25 @@ def bend(
     threads: Threads = None,
     settings: Settings = None,
     quiet: Quiet = False,
+    series: Annotated[
+        bool,
+        typer.Option(
+            "--series",
+            help="run eight beams of other widths and notches: the fracture energy as a slope;"
+            " what is finished in DIR is not run again",
+        ),
+    ] = False,
 ) -> None:
-    """Run a notched three-point bending test; options as for impact."""
+    """Run a notched three-point bending test, or a series of them; options as for impact."""
     options = {"arch": arch, "precision": precision, "threads": threads}
+    if series:
+        scene = _scene("bend", scene_file, settings, options)
+
+        from taichi_ldem.studies import bending
+
+        beams = [bending.Specimen(*beam, scene.plate.spacing) for beam in bending.SPECIMENS]
+        folder = Path("outputs", f"{scene_file.stem}_series") if out is None else out
+        raise typer.Exit(bending.series(beams, scene, folder, ["--quiet"] if quiet else []))
     scene, folder = _prepare("bend", scene_file, out, force, settings, options)
 
     from taichi_ldem.scenarios.bend import run
@@ -371,6 +387,21 @@ def _prepare(
     options: dict[str, str | int | None],
 ) -> "tuple[Scene, Path]":
     """The scene and the run folder of a command that runs one, both known to be good."""
+    scene = _scene(command, scene_file, settings, options)
+    folder = Path("outputs", scene_file.stem) if out is None else out
+
+    from taichi_ldem.store import RunFolder
+
+    RunFolder.check(folder, force=force)
+    return scene, folder
+
+
+def _scene(
+    command: str,
+    scene_file: Path,
+    settings: Sequence[str] | None,
+    options: dict[str, str | int | None],
+) -> "Scene":
     given = [f"solver.{key}={value}" for key, value in options.items() if value is not None]
     scene = _load(scene_file, [*(settings or ()), *given])
     if scene.scenario != command:
@@ -378,12 +409,7 @@ def _prepare(
 
         name = scene.scenario
         raise SceneError(f'{scene_file.name}: scenario = "{name}": run it with `ldem {name}`')
-    folder = Path("outputs", scene_file.stem) if out is None else out
-
-    from taichi_ldem.store import RunFolder
-
-    RunFolder.check(folder, force=force)
-    return scene, folder
+    return scene
 
 
 def _load(path: Path, settings: Sequence[str]) -> "Scene":

@@ -338,22 +338,30 @@ class Dynamics:
         stored = self.lanes.spread(np.moveaxis(peak, -1, 0))
         for field, values in zip(self.peak, stored, strict=True):
             field.from_numpy(values.astype(self.numpy_float()))
-        touched = (stored > 1).any(axis=(0, -1)) | (self.touched.to_numpy() != 0)
+        self._touch(stored)
+
+    def _touch(self, peak: npt.NDArray) -> None:
+        """Mark the columns with a bar beyond its eps_p, from (14, *S) peak strains over it."""
+        touched = (peak > 1).any(axis=(0, -1)) | (self.touched.to_numpy() != 0)
         self.touched.from_numpy(touched.astype(np.uint8))
 
-    EVOLVING = ("velocity", "peak", "touched", "recorded", "damped")
+    EVOLVING = ("velocity", "peak", "recorded", "damped")
     """Fields that carry the state from one step to the next, where a scene has them, beside the
-    displacement at ``now``: the bar forces and the other buffer are overwritten in every step."""
+    displacement at ``now``: the bar forces and the other buffer are overwritten in every step, and
+    ``touched`` follows from the peak strains."""
 
     def saved_state(self, now: int) -> dict[str, npt.NDArray]:
-        """Copies of what the next step starts from, between two steps, as it is stored."""
+        """Copies of what the next step starts from, between two steps: (fields of a name, *sites).
+
+        As the lattice has them, not as they lie in lanes, which are of the machine.
+        """
         fields = self.fields()
         saved = {
-            name: np.stack([field.to_numpy() for field in fields[name]])
+            name: np.stack([self.lanes.gather(field.to_numpy()) for field in fields[name]])
             for name in self.EVOLVING
             if name in fields
         }
-        moved = [field.to_numpy()[now] for field in fields["displacement"]]
+        moved = [self.lanes.gather(field.to_numpy()[now]) for field in fields["displacement"]]
         return saved | {"displacement": np.stack(moved)}
 
     def restore_state(self, saved: Mapping[str, npt.NDArray]) -> None:
@@ -361,7 +369,9 @@ class Dynamics:
         both = {"displacement": np.stack([saved["displacement"]] * 2, axis=1)}
         for name, values in (saved | both).items():  # type: ignore[operator]
             for field, part in zip(self.fields()[name], values, strict=True):
-                field.from_numpy(np.ascontiguousarray(part))
+                field.from_numpy(self.lanes.spread(part))
+        if self.features.damage:
+            self._touch(self.lanes.spread(saved["peak"]))
 
     @staticmethod
     def numpy_float() -> type[np.floating]:

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_ldem.backend import vulkan_device
-from taichi_ldem.scene import Scene, SceneError, load_scene
+from taichi_ldem.scene import Notch, Scene, SceneError, load_scene
 from taichi_ldem.store import Fields, RunFolder, read_fields, read_times
 
 if TYPE_CHECKING:
@@ -265,6 +265,23 @@ def _holding(fields: Fields) -> NDArray[np.bool_]:
     half_diagonal = np.linalg.norm(first[6] - first[0]) / 2
     # NaN, too, is not drawn.
     return (fields.broken_fraction < GONE) & (spread < _TORN * half_diagonal)
+
+
+def notched(fields: Fields, notches: Sequence[Notch]) -> NDArray[np.bool_]:
+    """Modules (C,) that a notch cuts: left out, as a saw would, they show where it is."""
+    low = fields.points[fields.hexahedra[:, 0]]
+    edge = float(np.linalg.norm(fields.points[fields.hexahedra[0, 1]] - low[0]))
+    found = np.zeros(len(low), dtype=bool)
+    for notch in notches:
+        normal, *axes = notch.axes
+        # a plane through nodes lies just beyond them (Lattice.bars_crossing)
+        off = (notch.position - low[:, normal]) / edge
+        cut = (off > -1e-6) & (off < 1 - 1e-6)
+        for axis, (start, stop) in zip(axes, notch.bounds, strict=True):
+            middle = low[:, axis] + edge / 2
+            cut &= (middle > start) & (middle < stop)
+        found |= cut
+    return found
 
 
 def exterior(fields: Fields, part: NDArray[np.bool_], values: FloatArray | None = None) -> Surface:
@@ -576,9 +593,16 @@ class _Painter:
         return self._fields
 
 
+def _fields_at(folder: RunFolder, step: int) -> Fields:
+    """Fields of a step, the modules that a notch cuts counted as broken."""
+    fields = read_fields(folder.fields_file, step)
+    fields.broken_fraction[notched(fields, load_scene(folder.scene_file).notch)] = 1.0
+    return fields
+
+
 def _draw_step(painter: _Painter, folder: RunFolder, step: int) -> None:
     """The three standing views of a step."""
-    fields = read_fields(folder.fields_file, step)
+    fields = _fields_at(folder, step)
     size = np.ptp(fields.points, axis=0)
     struck = load_scene(folder.scene_file).striker is not None
     scale = _damage_scale()
@@ -594,7 +618,7 @@ def _draw_shots(
 ) -> None:
     scale = _scale(folder, steps, shot.colour)
     for step in steps:
-        fields = read_fields(folder.fields_file, step)
+        fields = _fields_at(folder, step)
         view = _view_of(shot, np.ptp(fields.points, axis=0))
         _draw(painter, fields, view, scale, into / _shot_name(step), folder.picture_metadata())
 

@@ -99,8 +99,12 @@ class Plate(_Table):
     """The specimen: a prism of cubic modules of edge L = thickness / modules_through_thickness."""
 
     size: tuple[Positive, Positive, Positive] = Field(description="sides x, y, z (thickness), m")
-    modules_through_thickness: Annotated[int, Field(strict=True, ge=1, le=10_000)]
-    shape: Literal["rectangle", "disc", "dumbbell"] = "rectangle"
+    modules_through_thickness: Annotated[int, Field(strict=True, ge=1, le=10_000)] = Field(
+        description="cubic modules along z; their edge L is size[2] over this number"
+    )
+    shape: Literal["rectangle", "disc", "dumbbell"] = Field(
+        default="rectangle", description="outline in the plane; 'dumbbell' lies along x"
+    )
     diameter: Positive | None = Field(
         default=None,
         description="of the disc cut from the prism, centred, m; for shape = 'disc' only",
@@ -325,8 +329,10 @@ class Striker(_Table):
     is wide, on a flat shaft.
     """
 
-    shape: Literal["hemisphere", "cylinder"] = "hemisphere"
-    diameter: Positive = Field(description="m")
+    shape: Literal["hemisphere", "cylinder"] = Field(
+        default="hemisphere", description="of the nose; the cylinder's axis is along y"
+    )
+    diameter: Positive = Field(description="of nose and shaft, m")
     mass: Positive = Field(description="kg")
     velocity: NonNegative = Field(description="initial, towards the plate, m/s")
     gravity: NonNegative = Field(
@@ -349,7 +355,10 @@ class Clamp(_Table):
     changed alone.
     """
 
-    kind: Literal["rings", "bonded", "rim", "free"]
+    kind: Literal["rings", "bonded", "rim", "free"] = Field(
+        description="rings that may separate; nodes of both faces between the circles fixed; all"
+        " nodes outside the inner circle fixed; not held"
+    )
     inner_diameter: Positive | None = Field(default=None, description="m; not for kind = 'free'")
     outer_diameter: Positive | None = Field(default=None, description="m; for 'rings' and 'bonded'")
 
@@ -396,7 +405,9 @@ class Pulse(_Table):
     """
 
     axis: Axis = Field(description="direction of travel, towards larger coordinates")
-    kind: Literal["longitudinal", "shear", "bar"] = "longitudinal"
+    kind: Literal["longitudinal", "shear", "bar"] = Field(
+        default="longitudinal", description="plane waves, or the mode of a bar with free sides"
+    )
     wavelength: Positive = Field(
         description="where the strain's spectrum peaks, m: 2 pi times the Gaussian's deviation"
     )
@@ -411,7 +422,7 @@ class Supports(_Table):
     """Two fixed rigid cylinders under the plate, axes along y, at x = +-span/2; no friction."""
 
     span: Positive = Field(description="between the two axes, m")
-    diameter: Positive = Field(description="m")
+    diameter: Positive = Field(description="of both cylinders, m")
 
 
 class Solver(_Table):
@@ -476,7 +487,7 @@ class Output(_Table):
 class Notch(_Table):
     """A plane of cut bars: a rectangle normal to an axis. Its bars are removed, not broken."""
 
-    normal: Axis
+    normal: Axis = Field(description="axis that the plane is normal to")
     position: Real = Field(description="of the plane along its normal, m")
     from_: tuple[Real, Real] = Field(  # `from` is a keyword
         alias="from", description="one corner: the other two coordinates in the order x, y, z, m"
@@ -580,10 +591,6 @@ class Scene(_Table):
             object.__setattr__(self, "output", output)
         return self
 
-    @property
-    def _field_interval(self) -> float:
-        return max(self.solver.duration / 10, self.output.history_interval)
-
     def _check_disorder(self) -> None:
         length = self.disorder.correlation_length if self.disorder is not None else 0.0
         if 0 < length < self.plate.spacing:
@@ -595,6 +602,10 @@ class Scene(_Table):
         if (solver.arch, solver.precision, law) == ("vulkan", "f64", "exponential"):
             why = 'Vulkan has no exp in f64, use "bilinear" or solver.precision = "f32"'
             raise _refuse("material.law", law, why)
+
+    @property
+    def _field_interval(self) -> float:
+        return max(self.solver.duration / 10, self.output.history_interval)
 
     def _check_clamp(self) -> None:
         if self.clamp is None or self.clamp.kind == "free":
@@ -780,22 +791,29 @@ def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
         SceneError: file, an override or a value is not acceptable; one line.
     """
     path = Path(path)
-    data = load_tables(path, overrides)
-    keys = {".".join(_parse_override(text).path) for text in overrides}
-    return parse_scene(data, path.name, keys)
+    return _overridden(_read(path), path.name, overrides)
 
 
 def load_tables(path: str | Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
     """The tables of a scene file with overrides, not validated; else as `load_scene`."""
-    data = _read(Path(path))
-    for change in [_parse_override(text) for text in overrides]:
-        _apply(data, change)
-    return data
+    return _changed_tables(_read(Path(path)), [_parse_override(text) for text in overrides])
 
 
 def override_value(text: str) -> object:
     """The value of an override `section.key=value`; SceneError as `load_scene`."""
     return _parse_override(text).value
+
+
+def _changed_tables(data: dict[str, Any], changes: "Sequence[_Override]") -> dict[str, Any]:
+    for change in changes:
+        _apply(data, change)
+    return data
+
+
+def _overridden(data: dict[str, Any], name: str, overrides: Sequence[str]) -> Scene:
+    changes = [_parse_override(text) for text in overrides]
+    keys = {".".join(change.path) for change in changes}
+    return parse_scene(_changed_tables(data, changes), name, keys)
 
 
 def _changed(scene: Scene, overrides: Sequence[str]) -> Scene:
@@ -805,10 +823,7 @@ def _changed(scene: Scene, overrides: Sequence[str]) -> Scene:
         del data["output"]["field_interval"]
     if scene.grips is not None and scene.grips.gauge_length == scene._gauge_length:
         del data["grips"]["gauge_length"]
-    changes = [_parse_override(text) for text in overrides]
-    for change in changes:
-        _apply(data, change)
-    return parse_scene(data, "scene", {".".join(change.path) for change in changes})
+    return _overridden(data, "scene", overrides)
 
 
 def parse_scene(

@@ -410,6 +410,24 @@ class Simulation:
         self._last = at
         return sample
 
+    def fracture_of(self, chosen: npt.NDArray[np.bool_]) -> tuple[float, int]:
+        """What some of the bars have dissipated so far, J, and how many of them are broken.
+
+        Args:
+            chosen: (14, *S) the bars.
+        """
+        dynamics = self.dynamics
+        if not dynamics.features.damage:
+            return 0.0, 0
+        kept = [field.to_numpy() for field in dynamics.peak]
+        for field, peak, mine in zip(dynamics.peak, kept, chosen, strict=True):
+            field.from_numpy(np.where(dynamics.lanes.spread(mine), peak, 0).astype(peak.dtype))
+        self.energies.potential(self.now)
+        total = self.energies.total()
+        for field, peak in zip(dynamics.peak, kept, strict=True):
+            field.from_numpy(peak)
+        return float(total[FRACTURE]), int(total[BROKEN])
+
     def _row(
         self,
         step: int,
