@@ -13,6 +13,7 @@ import csv
 import io
 import json
 import math
+import shlex
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -819,7 +820,10 @@ def _ensemble_page(folder: Path) -> Page:
             raise SceneError(f"cannot read '{file}': {error}") from None
     asked = [(key, _plain(value)) for key, value in told.get("asked", {}).items()]
     groups = [_group(group) for group in told.get("groups", [])]
-    failed = [f"{n}: {m.get('reason')}" for n, m in told.get("not_finished", {}).items()]
+    failed = [
+        f"{name}: {member.get('reason') or member.get('state')}"
+        for name, member in told.get("not_finished", {}).items()
+    ]
     identity = [(k, _plain(told[k])) for k in ("version", "sha256") if told.get(k)]
     finished = told.get("finished", len(members.rows))
     wall = members.header.index("wall_s") if "wall_s" in members.header else None
@@ -838,8 +842,19 @@ def _ensemble_page(folder: Path) -> Page:
         ],
         cost=[Table(list(cost), caption="Cost")],
         repeat=[Table(identity, caption="What wrote it")],
-        commands=[f"ldem ensemble report {folder}"] if told else [],
+        commands=_ensemble_commands(told.get("asked", {}), folder),
     )
+
+
+def _ensemble_commands(asked: Mapping[str, Any], folder: Path) -> list[str]:
+    if not asked.get("scene"):
+        return []
+    words = ["ldem", "ensemble", str(asked["scene"])]
+    for key in ("cv", "seeds", "vary", "set"):
+        given = asked.get(key) or []
+        for value in given if isinstance(given, list) else [given]:
+            words += [f"--{key}", str(value)]
+    return [shlex.join(words), shlex.join(["ldem", "plot", str(folder)])]
 
 
 def _group(group: Mapping[str, Any]) -> Table:

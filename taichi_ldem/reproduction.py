@@ -211,7 +211,7 @@ class Row:
             f"{self.quantity} [{self.unit}]" if self.unit else self.quantity,
             "none" if self.computed is None else self._number(self.computed),
             "" if self.paper is None else self._number(self.paper),
-            "" if self.experiments is None else " to ".join(map(self._number, self.experiments)),
+            " to ".join(dict.fromkeys(map(self._number, self.experiments or ()))),
             self.difference(),
         )
 
@@ -324,7 +324,7 @@ def _fig2(context: Context) -> Section:
         axes.set_title("dotted: unloading from half of the softening branch", fontsize=12)
         axes.legend()
 
-    picture = _draw(context.picture("fig02"), (8, 5), draw)
+    picture = _draw(context.picture("fig2"), (8, 5), draw)
     own = {
         "EA_l [N]": bars.longitudinal.axial_stiffness,
         "EA_d [N]": bars.diagonal.axial_stiffness,
@@ -371,10 +371,9 @@ def _fig7(context: Context) -> Section:
     told = context.summary("bending")
     given = load_scene(next(context.folder("bending").glob("*/scene.toml"))).material
     rows = [
-        Row("slope of U over B W phi", "J/m2", told.get("fracture_energy_slope"), digits=0),
         Row("G_f given to the bars", "J/m2", given.fracture_energy, digits=0),
         Row(
-            "G_IC",
+            "G_IC, slope of U over B W phi",
             "J/m2",
             told.get("fracture_energy_slope"),
             None,
@@ -405,7 +404,7 @@ def _fig8(context: Context) -> Section:
         shot = Shot(view="above")
         folder = RunFolder(context.folder("impact"))
         (_, drawn), *_ = render_shot(folder, shot, context.picture("x").parent, [0.0])
-        picture = context.picture("fig08")
+        picture = context.picture("fig8")
         drawn.replace(picture)
         pictures = [(picture, "the plate at rest")]
     except SceneError as error:
@@ -431,7 +430,7 @@ def _fig9(context: Context) -> Section:
             axes.plot(x, density, label=f"CV {100 * cv:g} %: shape {k:.2f}")
         axes.legend()
 
-    picture = _draw(context.picture("fig09"), (8, 5), draw)
+    picture = _draw(context.picture("fig9"), (8, 5), draw)
     why = "Weibull with mean one; Eqs. (15), (16) have their symbols mixed up, see the theory page."
     return Section([], [(picture, "Distributions of the fracture energy")], why=why)
 
@@ -477,7 +476,13 @@ def _fig11(name: str) -> Callable[[Context], Section]:
                 (1e3 * paper.T2_S[0], 1e3 * paper.T2_S[1]),
                 2,
             ),
-            Row("time of the largest velocity", "ms", 1e3 * float(fastest), 1e3 * paper.V_MAX_S),
+            Row(
+                "time of the largest velocity",
+                "ms",
+                1e3 * float(fastest),
+                experiments=(1e3 * paper.V_MAX_S,) * 2,
+                digits=2,
+            ),
             Row("velocity at the end", "m/s", summary.get("striker_velocity_end_m_s")),
         ]
         scene = context.scene(name)

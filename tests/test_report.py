@@ -173,7 +173,7 @@ def test_modes_and_ensembles_have_pages(tmp_path: Path) -> None:
         },
     }
     told = {
-        "asked": {"seeds": "1:4"},
+        "asked": {"scene": "a.toml", "seeds": "1:4", "set": ["a.b=1"]},
         "finished": 1,
         "groups": [group],
         "sha256": "cd34",
@@ -181,7 +181,14 @@ def test_modes_and_ensembles_have_pages(tmp_path: Path) -> None:
     }
     (many / "ensemble.json").write_text(json.dumps(told))
     text = write_report(many).read_text(encoding="utf-8")
-    for part in ("1 of 1 members", "0.0071235", "0.0069 to 0.0071", "&lt;NaN&gt;", "cd34"):
+    for part in (
+        "1 of 1 members",
+        "0.0071235",
+        "0.0069 to 0.0071",
+        "&lt;NaN&gt;",
+        "cd34",
+        "ldem ensemble a.toml --seeds 1:4 --set a.b=1",
+    ):
         assert part in text, part
 
 

@@ -109,7 +109,7 @@ def test_the_report_stands_beside_the_paper(tmp_path: Path) -> None:
     assert "| EA_d [N] | " in text
     assert "![Fig. 11: force and velocity, derived defaults: force](images/fig11.png)" in text
     assert (tmp_path / "images/fig11.png").read_bytes() == b"picture"
-    assert (tmp_path / "images/fig02.png").stat().st_size > 10_000
+    assert (tmp_path / "images/fig2.png").stat().st_size > 10_000
     assert text.rstrip().count("Missing: `ldem ensemble` is not in this version.") == 1
     titles = [line for line in text.splitlines() if line.startswith("## ")]
     assert titles == [*(f"## {item.title}" for item in items), "## Cost"]
