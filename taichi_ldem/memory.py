@@ -71,6 +71,11 @@ def needed_bytes(scene: Scene) -> int:
     return int(BASE + field_bytes(scene) + _scalar_bytes(scene) + HOST * sites)
 
 
+VULKAN_LIMIT = 2**32
+"""Bytes of all fields together that Taichi reaches on Vulkan: it counts them in 32 bits, and beyond
+that writes over what was first."""
+
+
 def available_bytes() -> int | None:
     """Bytes that can be taken without swapping, within the limits of a container or a job.
 
@@ -83,6 +88,12 @@ def available_bytes() -> int | None:
 
 def refuse_too_large(scene: Scene) -> None:
     """Raise SceneError where a scene's lattice does not fit into memory."""
+    fields = field_bytes(scene) + _scalar_bytes(scene)
+    if scene.solver.arch == "vulkan" and fields >= VULKAN_LIMIT:
+        raise SceneError(
+            f'solver.arch = "vulkan": the lattice needs {fields:,} bytes, Taichi reaches 4 GiB '
+            'there; take fewer modules or "cuda" or "cpu"'
+        )
     free, needed = available_bytes(), needed_bytes(scene)
     if free is None or needed <= free:
         return

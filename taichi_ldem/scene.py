@@ -543,6 +543,7 @@ class Scene(_Table):
         self._check_pulse()
         self._check_supports()
         self._check_output()
+        self._check_vulkan()
         for number, notch in enumerate(self.notch):
             self._check_notch(f"notch[{number}]", notch)
         if self.output.field_interval is None:
@@ -557,6 +558,12 @@ class Scene(_Table):
         if 0 < length < self.plate.spacing:
             why = f"must be at least {self.plate.spacing:.6g}, one module, or 0: none"
             raise _refuse("disorder.correlation_length", length, why)
+
+    def _check_vulkan(self) -> None:
+        solver, law = self.solver, self.material.law
+        if (solver.arch, solver.precision, law) == ("vulkan", "f64", "exponential"):
+            why = 'Vulkan has no exp in f64, use "bilinear" or solver.precision = "f32"'
+            raise _refuse("material.law", law, why)
 
     def _check_clamp(self) -> None:
         if self.clamp is None or self.clamp.kind == "free":
@@ -736,11 +743,22 @@ def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
         SceneError: file, an override or a value is not acceptable; one line.
     """
     path = Path(path)
-    data = _read(path)
-    changes = [_parse_override(text) for text in overrides]
-    for change in changes:
+    data = load_tables(path, overrides)
+    keys = {".".join(_parse_override(text).path) for text in overrides}
+    return parse_scene(data, path.name, keys)
+
+
+def load_tables(path: str | Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
+    """The tables of a scene file with overrides, not validated; else as `load_scene`."""
+    data = _read(Path(path))
+    for change in [_parse_override(text) for text in overrides]:
         _apply(data, change)
-    return parse_scene(data, path.name, {".".join(change.path) for change in changes})
+    return data
+
+
+def override_value(text: str) -> object:
+    """The value of an override `section.key=value`; SceneError as `load_scene`."""
+    return _parse_override(text).value
 
 
 def parse_scene(

@@ -2,7 +2,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from blocks import PMMA, SPACING, block_scene
+from blocks import PMMA, SPACING, block_scene, restart
 from reference import Body
 
 from taichi_ldem import material as mat
@@ -175,6 +175,31 @@ def test_a_pressed_node_does_not_slip_and_a_lifted_one_is_free(pressed: "Simulat
         np.testing.assert_array_equal(after[held], before[held])
         assert held.any()
         assert lifted.any()
+
+
+def test_impulses_of_contact_and_damping_change_the_momentum(pressed: "Simulation") -> None:
+    """Along z, step by step, while the plate still moves; damping acts on the mean velocity."""
+    from taichi_ldem.contact import IMPULSE
+
+    s = restart(pressed)
+    body = Body(s.dynamics.lattice.mask, SPACING)
+    mass = MODULE_MASS * body.mass_shares
+
+    def state() -> tuple[np.ndarray, float]:
+        given = sum(float(b.collected()[IMPULSE]) for b in s.bodies)
+        return mass * s.dynamics.get_velocity()[body.index][:, 2], given
+
+    s.advance(200)
+    before, given = state()
+    for _ in range(20):
+        s.advance(1)
+        after, total = state()
+        damped = -s.damping * s.time_step * 0.5 * (before + after).sum()
+        impulse = total - given
+        assert abs(impulse) > 0
+        change = (after - before).sum()
+        assert change == pytest.approx(impulse + damped, abs=1e-11 * np.abs(after).sum())
+        before, given = after, total
 
 
 # -- bonded faces ----------------------------------------------------------------------------------
