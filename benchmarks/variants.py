@@ -52,8 +52,7 @@ def main() -> None:
     def steps(plate: object, count: int) -> float:
         started = clock()
         for number in range(count):
-            spacing = plate.lattice.spacing
-            plate.step(number % 2, spacing, 5e-8, 5e-8, 0.0, plate.peak_strain, False)
+            plate.step(number % 2, 5e-8, 5e-8, 0.0, False)
         ti.sync()
         return (clock() - started) / count
 

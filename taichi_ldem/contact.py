@@ -200,11 +200,14 @@ class RigidBody:
         nx, ny, _ = ti.static(self.dynamics.lattice.modules)
         half = ti.cast(0.5 * s, ti.f64)
         edge = ti.cast(spacing, ti.f64)
-        return vec3d(
+        place = vec3d(
             (i - 1 + half - 0.5 * nx) * edge,
             (j - 1 + half - 0.5 * ny) * edge,
             (k - 1 + half) * edge,
         )
+        if ti.static(self.dynamics.features.perturbed):
+            place += self.dynamics.node_offset(s, k, j, i, spacing)
+        return place
 
     @ti.func
     def component(self, impulse):

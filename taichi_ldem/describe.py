@@ -80,6 +80,11 @@ def warnings(scene: Scene) -> list[str]:
             f"disorder.correlation_length is {length / plate.spacing:.2g} modules: below "
             f"{RESOLVED} the statistics of strength depend on the module size"
         )
+    if plate.perturbation:
+        lines.append(
+            "perturbed nodes (plate.perturbation): softer than these constants by about the square "
+            "of it (docs/disorder.md)"
+        )
     if scene.solver.allow_unstable:
         lines.append(
             "solver.allow_unstable = true: the time step is not held below the critical one"
@@ -98,6 +103,7 @@ def left_out(scene: Scene) -> list[str]:
             not scene.material.damage or not uneven - {"density"}
         ),
         "modulus of every bar (no disorder.youngs_modulus_cv)": "youngs_modulus" not in uneven,
+        "offset of every node (plate.perturbation = 0)": scene.plate.perturbation == 0,
         "mass of every node (no disorder.density_cv)": "density" not in uneven,
         "striker contact (no [striker])": scene.striker is None,
         "clamp contact (no [clamp], or free)": not scene.held,

@@ -141,6 +141,7 @@ class Features:
         strength: every bar has an eps_p of its own.
         modulus: every bar has a Young's modulus of its own.
         density: every node has a mass of its own.
+        perturbed: nodes lie off the regular lattice, and every bar has a vector of its own.
     """
 
     law: str | None = None
@@ -149,6 +150,7 @@ class Features:
     strength: bool = False
     modulus: bool = False
     density: bool = False
+    perturbed: bool = False
 
     @property
     def damage(self) -> bool:
@@ -184,6 +186,8 @@ class Dynamics:
             columns a look at every bar's.
         modulus: [bar] S, Young's modulus over the mean (with disorder of it).
         own_mass, own_inverse_mass: [sublattice] S, kg, 1/kg (with disorder of density).
+        offset: [sublattice][axis] S, how far nodes lie off the regular lattice, in module edges
+            (perturbed).
         damped: [sublattice] S, energy lost by damping at each node, J (with damping).
         moving: 2-vectors in f64: kinetic energy and energy lost by damping at t_n, J, of the last
             measured step; one for each row j, or on a GPU for each piece of a row (j, k).
@@ -248,6 +252,12 @@ class Dynamics:
         if features.density:
             self.own_mass = [self._field(*self.shape) for _ in "ab"]
             self.own_inverse_mass = [self._field(*self.shape) for _ in "ab"]
+        if features.perturbed:
+            self.offset = [[self._field(*self.shape) for _ in "xyz"] for _ in "ab"]
+            assert lattice.offsets is not None
+            for s, axis in NODE_AXES:
+                stored = self.lanes.spread(lattice.offsets[s, ..., axis] / lattice.spacing)
+                self.offset[s][axis].from_numpy(stored.astype(self.numpy_float()))
         self.code.from_numpy(self.lanes.spread(lattice.code))
         self.set_bars(bars)
         self.set_density(density)
@@ -409,7 +419,28 @@ class Dynamics:
         whole = self.lane_values(self.stiffness, self.code[k, j, m], ti.static(STIFFNESS_KIND[bar]))
         if ti.static(self.features.modulus):
             whole *= self.modulus[bar][k, j, m]
+        if ti.static(self.features.perturbed):
+            whole *= ti.sqrt(self.shortness(bar, k, j, m))
         return whole
+
+    @ti.func
+    def own_vector(self, bar: ti.template(), axis: ti.template(), k, j, m):
+        """A perturbed bar's vector along an axis, in module edges."""
+        first, second = ti.static(_ENDS[bar])
+        a, b = ti.static(first[1], second[1])
+        return ti.static(float(BAR_VECTORS[bar][axis])) + (
+            self.offset[second[0]][axis][k + b[0], j + b[1], m + b[2]]
+            - self.offset[first[0]][axis][k + a[0], j + a[1], m + a[2]]
+        )
+
+    @ti.func
+    def shortness(self, bar: ti.template(), k, j, m):
+        """Square of a regular bar's length over that of a perturbed one."""
+        square = ti.Vector.zero(float, self.lanes.width)
+        for axis in ti.static(range(3)):
+            along = self.own_vector(bar, axis, k, j, m)
+            square += along * along
+        return ti.static(1.0 if bar < 6 else 0.75) / square
 
     @ti.func
     def own_peak_strain(self, bar: ti.template(), k, j, m, lane, peak_strain):
@@ -430,11 +461,14 @@ class Dynamics:
         )
 
     @ti.func
-    def product(self, bar: ti.template(), axis: ti.template(), d, spacing):
+    def product(self, bar: ti.template(), axis: ti.template(), now, k, j, m, spacing):
         """(2 X + d) d along one axis."""
+        d = self.difference(bar, axis, now, k, j, m)
         twice = ti.static(float(2 * BAR_VECTORS[bar][axis]))
         result = d * d
-        if ti.static(twice != 0):
+        if ti.static(self.features.perturbed):
+            result = (d + (2 * spacing) * self.own_vector(bar, axis, k, j, m)) * d
+        elif ti.static(twice != 0):
             result = (d + twice * spacing) * d
         return result
 
@@ -446,10 +480,13 @@ class Dynamics:
         """
         x, y, z = ti.static(range(3))
         square = (
-            self.product(bar, x, self.difference(bar, x, now, k, j, m), spacing)
-            + self.product(bar, y, self.difference(bar, y, now, k, j, m), spacing)
-        ) + self.product(bar, z, self.difference(bar, z, now, k, j, m), spacing)
-        return square * (ti.static(1.0 if bar < 6 else 4.0 / 3.0) / (spacing * spacing))
+            self.product(bar, x, now, k, j, m, spacing)
+            + self.product(bar, y, now, k, j, m, spacing)
+        ) + self.product(bar, z, now, k, j, m, spacing)
+        result = square * (ti.static(1.0 if bar < 6 else 4.0 / 3.0) / (spacing * spacing))
+        if ti.static(self.features.perturbed):
+            result *= self.shortness(bar, k, j, m)
+        return result
 
     @ti.func
     def strain(self, q):
@@ -583,6 +620,14 @@ class Dynamics:
     # -------------------------------------------------------------------------------------
 
     @ti.func
+    def moved(self, s: ti.template(), axis: ti.template(), now, k, j, m, spacing):
+        """Way of a column's nodes from their places in the regular lattice, m."""
+        way = self.displacement[s][axis][now, k, j, m]
+        if ti.static(self.features.perturbed):
+            way += spacing * self.offset[s][axis][k, j, m]
+        return way
+
+    @ti.func
     def node_force(self, s: ti.template(), axis: ti.template(), strip, rows, now, k, j, m, spacing):
         """Sum of the bar forces on a column's corner or centre nodes along an axis, N.
 
@@ -594,7 +639,7 @@ class Dynamics:
             for bar, home in ti.static(SCALARS[s])
         ]
         u = [
-            self.displacement[other][axis][now, k + there[0], j + there[1], m + there[2]]
+            self.moved(other, axis, now, k + there[0], j + there[1], m + there[2], spacing)
             for other, there in ti.static(NEIGHBOURS[s])
         ]
         moved = ((a[0] * u[0] + a[1] * u[1]) + (a[2] * u[2] + a[3] * u[3])) + (
@@ -610,7 +655,7 @@ class Dynamics:
             (a[p[2]] - a[q[2]]) + (a[p[3]] - a[q[3]])
         )
         edges = a[ti.static(2 * axis)] - a[ti.static(2 * axis + 1)]
-        here = self.displacement[s][axis][now, k, j, m]
+        here = self.moved(s, axis, now, k, j, m, spacing)
         return moved + (spacing * (edges + ti.static(s - 0.5) * lever) - total * here)
 
     @ti.func
@@ -869,6 +914,17 @@ class Dynamics:
             if s == sublattice:
                 u[axis] = self.displacement[sublattice][axis][now, k, j, m][lane]
         return u
+
+    @ti.func
+    def node_offset(self, s, k, j, i, spacing):
+        """How far a node lies off the regular lattice, m, in f64."""
+        m, lane = self.column_of(i)
+        offset = ti.Vector.zero(ti.f64, 3)
+        if ti.static(self.features.perturbed):
+            for sublattice, axis in ti.static(NODE_AXES):
+                if s == sublattice:
+                    offset[axis] = ti.cast(self.offset[sublattice][axis][k, j, m][lane], ti.f64)
+        return ti.cast(spacing, ti.f64) * offset
 
     @ti.func
     def node_velocity(self, s, k, j, i):

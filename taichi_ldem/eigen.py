@@ -156,6 +156,8 @@ def each(function: Callable[[Array], Array], vectors: Array) -> Array:
 def stiffness(dynamics: "Dynamics", basis: Any = None) -> Any:
     """Assembled stiffness of an elastic lattice at rest, or of a basis of its motions, N/m.
 
+    Of the regular lattice: perturbed nodes change it little, and it only preconditions.
+
     Args:
         basis: sparse (2 prod(S), n) scalar functions of the nodes; None: the nodes themselves.
 

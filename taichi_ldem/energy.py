@@ -101,6 +101,9 @@ class EnergySums:
                 whole = 0.0
         length = spacing * ti.static(1.0 if bar < 6 else 0.75**0.5)
         twice = ti.cast(whole, ti.f64) * length * length
+        if ti.static(self.dynamics.features.perturbed):
+            # EA L0, of the bar's own length
+            twice /= ti.sqrt(ti.cast(self.dynamics.shortness(bar, k, j, m)[lane], ti.f64))
         result = ti.Vector([0.5 * twice * e * e, 0.0, 0.0], ti.f64)
         if ti.static(self.dynamics.features.damage):
             peak = self.dynamics.peak[bar][k, j, m][lane]

@@ -30,7 +30,7 @@ class Gauge:
         self.dynamics = dynamics
         lattice, spacing = dynamics.lattice, dynamics.lattice.spacing
         turn = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
-        along, across = turn @ lattice.positions()[..., :2].reshape(-1, 2).T
+        along, across = turn @ lattice.grid()[..., :2].reshape(-1, 2).T
         mass = dynamics.masses().ravel()
         corner = (mass > 0) & (np.arange(len(mass)) < len(mass) // 2)
         reach = (0.5 + 1e-6) * spacing
@@ -42,9 +42,10 @@ class Gauge:
         shares = [np.where(band, mass, 0.0)[number] for band in bands]
         self._means = np.array([share / share.sum() for share in shares])
         self._turn = turn
+        self.section = self._section(along, length)
+        along, across = turn @ lattice.positions()[..., :2].reshape(-1, 2).T
         self.length = float((self._means[1] - self._means[0]) @ along[number])
         self.width = float((self._means[3] - self._means[2]) @ across[number])
-        self.section = self._section(along, length)
         self.nodes = field_apart(ti.i32, len(number))
         self.nodes.from_numpy(number.astype(np.int32))
 

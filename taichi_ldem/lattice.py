@@ -37,6 +37,10 @@ BAR_VECTORS: npt.NDArray[np.float64] = np.array(
 
 _CODES = np.arange(256, dtype=np.uint8)
 _MODULE = np.unpackbits(_CODES[:, None], axis=1, bitorder="little").astype(bool)
+_FREE = np.stack(
+    [(_MODULE[:, np.arange(8) ^ side] == _MODULE).all(axis=1) for side in (1, 2, 4)], axis=1
+)
+"""(256, 3): whether a corner node has the same modules on both sides of it along x, y, z."""
 _AROUND_EDGE = ((1, 3, 5, 7), (2, 3, 6, 7), (4, 5, 6, 7))
 _MODULE_BEFORE = (6, 5, 3)
 
@@ -82,11 +86,15 @@ class Lattice:
         mask: (nz, ny, nx) True where a module exists.
         spacing: module edge L, m.
         surface_weights: whether surface and edge bars carry 1/2 and 1/4 (see ``bar_weights``).
+        perturbation: largest way that a node lies off its place in the regular lattice, in L.
+        seed: of these ways.
     """
 
     mask: npt.NDArray[np.bool_]
     spacing: float
     surface_weights: bool = True
+    perturbation: float = 0.0
+    seed: int = 0
 
     @property
     def modules(self) -> tuple[int, int, int]:
@@ -139,6 +147,30 @@ class Lattice:
 
     def positions(self) -> npt.NDArray[np.float64]:
         """Positions of all nodes at rest, m: (2, nz + 3, ny + 3, nx + 3, 3), corner, centre."""
+        return self.grid() if self.offsets is None else self.grid() + self.offsets
+
+    @cached_property
+    def offsets(self) -> npt.NDArray[np.float64] | None:
+        """(2, *S, 3) how far the nodes lie off the regular lattice, m; None where it is regular.
+
+        Uniform in a ball of radius ``perturbation`` L; a corner node on a face keeps to it and one
+        on an edge to the edge, so that faces stay flat: it moves along an axis only where the
+        modules on either side of it are the same.
+        """
+        if not self.perturbation:
+            return None
+        shape = (2, *self.sites)
+        raw = np.random.PCG64(np.random.SeedSequence(self.seed)).random_raw(4 * math.prod(shape))
+        drawn = ((raw >> np.uint64(12)).astype(np.float64) + 0.5).reshape(4, *shape) * 2.0**-52
+        z, angle = 2 * drawn[0] - 1, 2 * math.pi * drawn[1]
+        radius = self.perturbation * self.spacing * np.cbrt(drawn[2])
+        flat = radius * np.sqrt(1 - z**2)
+        offsets = np.stack([flat * np.cos(angle), flat * np.sin(angle), radius * z], axis=-1)
+        offsets[0] *= _FREE[self.code]
+        return np.asarray(offsets * self.exists()[..., None])
+
+    def grid(self) -> npt.NDArray[np.float64]:
+        """Places of all nodes in the regular lattice, m: (2, nz + 3, ny + 3, nx + 3, 3)."""
         axes = [
             start + (np.arange(n) - 1) * self.spacing
             for start, n in zip(self.origin, reversed(self.sites), strict=True)
@@ -154,7 +186,7 @@ class Lattice:
     def bar_midpoints(
         self, site: npt.NDArray[np.int64], bar: npt.NDArray[np.int64]
     ) -> npt.NDArray[np.float64]:
-        """Reference mid-points of bars, m: (n, 3) from sites (n, 3) and bar numbers (n,)."""
+        """Mid-points of bars in the regular lattice, m: (n, 3), from sites (n, 3), bars (n,)."""
         start = np.where(bar[:, None] < 3, 0.0, 0.5)
         offset = (site[:, ::-1] - 1 + start + 0.5 * BAR_VECTORS[bar]) * self.spacing
         return np.asarray(self.origin) + offset
@@ -163,6 +195,8 @@ class Lattice:
         self, axis: int, position: float, lower: tuple[float, float], upper: tuple[float, float]
     ) -> npt.NDArray[np.uint16]:
         """Bars that cross a rectangle normal to an axis: the bars that a notch removes.
+
+        Nodes count at their places in the regular lattice, whatever their perturbation.
 
         Args:
             axis: 0, 1, 2 for a plane normal to x, y, z.
@@ -174,7 +208,7 @@ class Lattice:
         Returns:
             (nz + 3, ny + 3, nx + 3) one bit a bar.
         """
-        first = self.positions()
+        first = self.grid()
         others = [a for a in range(3) if a != axis]
         plane = position + 1e-6 * self.spacing
         cut = np.zeros(self.sites, dtype=np.uint16)

@@ -45,6 +45,8 @@ def field_bytes(scene: Scene) -> int:
         size += 14 * real
     if "density" in uneven:
         size += 4 * real
+    if scene.plate.perturbation:
+        size += 6 * real
     return nz * ny * lanes.columns * (lanes.width * size + column)
 
 

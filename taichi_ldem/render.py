@@ -290,7 +290,8 @@ def exterior(fields: Fields, part: NDArray[np.bool_], values: FloatArray | None 
     values: (C,), to colour by; None: the share of failed bars.
     """
     base = fields.points[fields.hexahedra[:, 0]]
-    edge = np.linalg.norm(fields.points[fields.hexahedra[0, 1]] - base[0])
+    # perturbed nodes cancel within every row of modules, whose ends they leave where they are
+    edge = (fields.points[fields.hexahedra[:, 1]] - base)[:, 0].mean()
     # One empty layer all around: no module at the rim needs a case of its own.
     site = np.rint((base - base.min(axis=0)) / edge).astype(np.int64) + 1
     drawn = part & _holding(fields)

@@ -38,6 +38,7 @@ MAX_FRAMES = 10**4
 MAGNITUDE = 1e20  # of numbers in SI units, and one over it
 NO_DURATION = 1.0  # s, of a scene that does not step in time
 LARGEST_CV = 1.5
+LARGEST_PERTURBATION = 0.25  # two nodes that come closer by half an edge leave 0.42 of a diagonal
 FEWEST_DATA = 3  # values that a distribution can be fitted to
 DISORDERED = ("fracture_energy", "youngs_modulus", "density")
 """Properties that may vary, in the order of their random streams: never reorder."""
@@ -68,6 +69,7 @@ Real = Annotated[float, Field(strict=True), AfterValidator(_plausible)]
 Positive = Annotated[Real, Field(gt=0)]
 NonNegative = Annotated[Real, Field(ge=0)]
 Flag = Annotated[bool, Field(strict=True)]
+Seed = Annotated[int, Field(strict=True, ge=0, lt=1 << 63)]
 Axis = Literal["x", "y", "z"]
 
 
@@ -130,6 +132,12 @@ class Plate(_Table):
         default="equation-2",
         description="diagonal bars: 1.299 EA_l of Eq. (2), or the printed 0.5196 EA_l",
     )
+
+    perturbation: Annotated[Real, Field(ge=0, le=LARGEST_PERTURBATION)] = Field(
+        default=0.0,
+        description="largest way of a node off the regular lattice, in module edges; random",
+    )
+    perturbation_seed: Seed = Field(default=0, description="of the nodes' ways")
 
     @property
     def spacing(self) -> float:
@@ -298,9 +306,7 @@ class Disorder(_Table):
         description="at which the underlying Gaussian field's correlation is 1/e, m; 0: every bar"
         " on its own, which depends on the module edge",
     )
-    seed: Annotated[int, Field(strict=True, ge=0, lt=1 << 63)] = Field(
-        default=0, description="of the random fields"
-    )
+    seed: Seed = Field(default=0, description="of the random fields")
 
     @model_validator(mode="after")
     def _check(self) -> "Disorder":
@@ -690,6 +696,9 @@ class Scene(_Table):
         """A pulse runs through a free prism."""
         if self.plate.shape != "rectangle":
             raise _refuse("plate.shape", self.plate.shape, 'must be "rectangle" with [pulse]')
+        if self.plate.perturbation:
+            why = "must be 0 with [pulse]: waves are compared with those of a regular lattice"
+            raise _refuse("plate.perturbation", self.plate.perturbation, why)
         for name, present in (
             ("disorder", self.disorder),
             ("striker", self.striker),
@@ -763,9 +772,6 @@ class Scene(_Table):
 
 
 # --- reading and writing --------------------------------------------------------------------------
-
-# Keys that belong to the format but not to this version: a nearest-key hint would mislead.
-LATER_KEYS = ("plate.perturbation",)
 
 # An override of one replaces the other.
 EXCLUSIVE: dict[tuple[str, ...], str] = {
@@ -897,7 +903,7 @@ def _parse_override(text: str) -> _Override:
     path = tuple(key.split("."))
     if not equals or not all(path) or len(path) > 2 or (len(path) == 1 and key != "scenario"):
         raise SceneError(f"--set {text}: must be section.key=value")
-    if len(path) == 2 and path[0] not in Scene.model_fields and path[0] not in LATER_KEYS:
+    if len(path) == 2 and path[0] not in Scene.model_fields:
         hint = _nearest(path[0], _tables())
         raise SceneError(f"--set {text}: unknown section '{path[0]}'; {hint}")
     return _Override(path, _parse_value(text, value))
@@ -947,8 +953,6 @@ def _explain(fault: ErrorDetails, data: object) -> str:
 
 def _unknown(location: tuple[int | str, ...]) -> str:
     key = _key(location)
-    if key in LATER_KEYS:
-        return f"scene key '{key}' is not available in this version"
     table = _table_at(location[:-1])
     names = [field.alias or name for name, field in table.model_fields.items()]
     return f"unknown key '{key}'; {_nearest(str(location[-1]), names)}"

@@ -95,7 +95,8 @@ def build_lattice(scene: Scene) -> Lattice:
         mask = disc(*plate.modules, plate.diameter / plate.spacing)
     elif not plate.is_prism:
         mask = _specimen(plate)
-    return Lattice(mask, plate.spacing, plate.surface_weights)
+    seed = plate.perturbation_seed
+    return Lattice(mask, plate.spacing, plate.surface_weights, plate.perturbation, seed)
 
 
 def _specimen(plate: Plate) -> npt.NDArray[np.bool_]:
@@ -150,6 +151,7 @@ def build_dynamics(
         strength=strength is not None,
         modulus=drawn.youngs_modulus is not None,
         density=drawn.density is not None,
+        perturbed=lattice.offsets is not None,
     )
     dynamics = Dynamics(lattice, bars, material.density, features, in_strips)
     if strength is not None:

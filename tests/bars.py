@@ -3,6 +3,7 @@
 import numpy as np
 import taichi as ti
 
+from taichi_ldem.contact import RigidBody
 from taichi_ldem.dynamics import BARS_PER_SITE, Dynamics
 from taichi_ldem.lanes import HALO
 
@@ -32,4 +33,29 @@ class BarForces:
         values = np.zeros((*d.sites, BARS_PER_SITE))
         for j in range(1, d.sites[1] - 1):
             self.row(j, now, d.lattice.spacing, d.peak_strain, values)
+        return values
+
+
+@ti.data_oriented
+class Places:
+    """Where rigid bodies take the nodes to be at rest."""
+
+    def __init__(self, dynamics: Dynamics):
+        self.sites = dynamics.sites
+        self.body = RigidBody(dynamics, (0.0,), 1)
+
+    @ti.kernel
+    def fill(self, spacing: float, values: ti.types.ndarray()):
+        """Copy the places of all nodes into (2, S, 3) values; ghosts are left."""
+        nz, ny, nx = ti.static(self.sites)
+        for k, j, i in ti.ndrange((1, nz - 1), (1, ny - 1), (1, nx - 1)):
+            for s in range(2):
+                place = self.body.rest(s, k, j, i, spacing)
+                for axis in ti.static(range(3)):
+                    values[s, k, j, i, axis] = place[axis]
+
+    def read(self) -> np.ndarray:
+        """(2, S, 3) m."""
+        values = np.zeros((2, *self.sites, 3))
+        self.fill(self.body.dynamics.lattice.spacing, values)
         return values

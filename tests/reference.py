@@ -49,11 +49,13 @@ class Body:
 
     Attributes:
         mask: (nz, ny, nx). spacing: L, m. surface_weights: False gives every bar its whole section.
+        offsets: (nodes, 3) how far the nodes lie off their places in the regular lattice, m.
     """
 
     mask: npt.NDArray[np.bool_]
     spacing: float = 1.0
     surface_weights: bool = True
+    offsets: Array | float = 0.0
 
     @cached_property
     def _census(self) -> tuple[dict[tuple[Place, Place], float], dict[Place, float]]:
@@ -85,7 +87,8 @@ class Body:
     @cached_property
     def rest(self) -> Array:
         """(bars, 3) vectors between the ends at rest, m."""
-        return 0.5 * self.spacing * (self.places[self.ends[:, 1]] - self.places[self.ends[:, 0]])
+        place = 0.5 * self.spacing * self.places + self.offsets
+        return place[self.ends[:, 1]] - place[self.ends[:, 0]]
 
     @cached_property
     def lengths(self) -> Array:
@@ -95,13 +98,13 @@ class Body:
     @cached_property
     def diagonal(self) -> npt.NDArray[np.bool_]:
         """(bars,) True for diagonal bars."""
-        return self.lengths < 0.9 * self.spacing
+        return (self.places[self.ends[:, 1]] != self.places[self.ends[:, 0]]).all(axis=1)
 
     @cached_property
     def positions(self) -> Array:
         """(nodes, 3) at rest, m, the prism centred on x = y = 0 and standing on z = 0."""
         _, ny, nx = self.mask.shape
-        return 0.5 * self.spacing * (self.places - np.array([nx, ny, 0]))
+        return 0.5 * self.spacing * (self.places - np.array([nx, ny, 0])) + self.offsets
 
     def per_bar(self, longitudinal: float, diagonal: float) -> Array:
         """(bars,) a property of the two families, spread over the bars."""
@@ -174,7 +177,7 @@ class Body:
         site = np.repeat(site, 14, axis=0)
         middle = np.rint(4 * midpoints(site, bars) / self.spacing).astype(int)
         found = dict(zip(map(tuple, middle.tolist()), field.reshape(-1), strict=True))
-        mine = self.positions[self.ends].mean(axis=1)
+        mine = (self.positions - self.offsets)[self.ends].mean(axis=1)
         return np.array(
             [found[tuple(p)] for p in np.rint(4 * mine / self.spacing).astype(int).tolist()]
         )

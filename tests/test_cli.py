@@ -98,7 +98,9 @@ BAD = {
         f"{STEP}\n[disorder]\ndensity_cv = 0.1\ncorrelation_length = 1e-4",
         "disorder.correlation_length = 0.0001: must be at least",
     ),
-    "later_key": Bad(SIZE, f"{SIZE}\nperturbation = 0.1", "'plate.perturbation' is not available"),
+    "perturbation": Bad(
+        SIZE, f"{SIZE}\nperturbation = 0.4", "plate.perturbation = 0.4: must be at most 0.25"
+    ),
     "missing_key": Bad("density = 1190.0\n", "", "missing key 'material.density'"),
     "missing_table": Bad(f"[solver]\n{STEP}", "", "missing table '[solver]'"),
     "missing_scenario": Bad('scenario = "impact"', "", "missing key 'scenario'"),
@@ -287,7 +289,6 @@ def test_a_bad_scene_is_refused_in_one_line(
         (["--set", f"solver.{'a' * 10000}=1"], "unknown key 'solver.aaa"),
         (["--set", "notch.position=1"], "'notch' is not a single table"),
         (["--set", "disorder.seed=1"], "table '[disorder]' names nothing that varies"),
-        (["--set", "plate.perturbation=1"], "key 'plate.perturbation' is not available in this"),
         (["--set", "solver.arch=cpu", "--arch", "gpgpu"], 'solver.arch = "gpgpu": must be "cpu"'),
         (["--precision", "f16"], 'solver.precision = "f16": must be "f64" or "f32"'),
         (["--threads", "two"], "Invalid value for '--threads'"),

@@ -179,7 +179,7 @@ def test_damping_slows_a_free_flight_by_its_own_factor(taichi: None) -> None:
     assert speed[0, 0] == pytest.approx(np.exp(-alpha * 500 * dt), rel=1e-6)
 
 
-UNEVEN = ("strength", "weakest", "modulus", "own_mass", "own_inverse_mass")
+UNEVEN = ("strength", "weakest", "modulus", "own_mass", "own_inverse_mass", "offset")
 
 
 def test_what_a_scene_leaves_out_is_not_there(elastic: "Simulation") -> None:

@@ -20,7 +20,11 @@ NOTCH = [{"normal": "x", "position": 2.5e-4, "from": [-1, -1], "to": [1, 1]}]
         {"material": DAMAGE},
         {"solver": {"damping": 10.0}},
         {"notch": NOTCH},
-        {"material": DAMAGE, "disorder": {f"{n}_cv": 0.1 for n in DISORDERED}},
+        {
+            "material": DAMAGE,
+            "disorder": {f"{n}_cv": 0.1 for n in DISORDERED},
+            "plate": {"perturbation": 0.1},
+        },
     ],
     ids=["elastic", "damage", "damping", "notch", "disorder"],
 )

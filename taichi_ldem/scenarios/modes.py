@@ -191,7 +191,7 @@ def mid_plane(dynamics: "Dynamics", shape: Array) -> tuple[Array, Array, Array]:
     nz = dynamics.lattice.mask.shape[0]
     kind, layer = nz % 2, 1 + nz // 2
     stop = -1 - kind
-    position = dynamics.lattice.positions()[kind, layer, 1:stop, 1:stop]
+    position = dynamics.lattice.grid()[kind, layer, 1:stop, 1:stop]
     return position[0, :, 0], position[:, 0, 1], shape[kind, layer, 1:stop, 1:stop]
 
 
@@ -216,6 +216,7 @@ def write(
     lattice = dynamics.lattice
     points, cells, sites = hexahedral_mesh(lattice.mask, lattice.spacing, lattice.origin)
     at = tuple((sites + 1).T)
+    points = lattice.positions()[0][at]
     shapes = {f"mode_{m.number:02d}": s[0][at] for m, s in zip(named, solution.shapes, strict=True)}
     write_vectors(folder.path / "modes.vtkhdf", points, cells, shapes)
     planes = [mid_plane(dynamics, shape) for shape in solution.shapes]

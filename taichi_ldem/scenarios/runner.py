@@ -110,6 +110,7 @@ class FieldOutput:
         lattice = simulation.dynamics.lattice
         points, cells, sites = hexahedral_mesh(lattice.mask, lattice.spacing, lattice.origin)
         self.at = tuple((sites + 1).T)
+        points = lattice.positions()[0][self.at]
         self.module = lattice.mask
         scene = simulation.scene
         self.due = list(scene.field_times)

@@ -93,20 +93,22 @@ def stiffness_matrix(
     """Tangent stiffness at rest over the flat degrees of freedom of (2, *S, 3), N/m.
 
     Args:
+        lattice: regular or perturbed: every bar has its own length and direction.
         stiffness: EA of longitudinal and diagonal bars, N.
         removed: S, one bit a bar cut by a notch.
     """
     from scipy.sparse import coo_array
 
     weights = bar_weights(lattice.surface_weights)[lattice.code]
+    place = lattice.positions().reshape(-1, 3)
     rows, columns, values = [], [], []
     for bar in range(BARS_PER_SITE):
         share = weights[..., bar] * ((removed >> bar & 1) == 0)
         ends = bar_ends(lattice, bar, share > 0)
-        vector = BAR_VECTORS[bar]
-        length = np.linalg.norm(vector)
-        whole = stiffness[bar >= DIAGONAL.start] / (length * lattice.spacing)
-        block = np.multiply.outer(whole * share[share > 0], np.outer(vector, vector) / length**2)
+        vector = place[ends[1]] - place[ends[0]]
+        length = np.linalg.norm(vector, axis=1)
+        whole = stiffness[bar >= DIAGONAL.start] * share[share > 0] / length**3
+        block = whole[:, None, None] * vector[:, :, None] * vector[:, None, :]
         for a, b, sign in ((0, 0, 1), (1, 1, 1), (0, 1, -1), (1, 0, -1)):
             i, j = np.meshgrid(range(3), range(3), indexing="ij")
             rows.append((3 * ends[a][:, None, None] + i).ravel())
@@ -119,7 +121,7 @@ def stiffness_matrix(
 
 def row_of_nodes(lattice: Lattice, x: float, z: float) -> Nodes:
     """Flat numbers of the corner nodes along y that are nearest to (x, z), m."""
-    place = lattice.positions()[0]
+    place = lattice.grid()[0]
     exists = lattice.exists()[0]
     off = np.where(exists, np.hypot(place[..., 0] - x, place[..., 2] - z), np.inf)
     return np.flatnonzero(np.abs(off - off.min()) < 1e-6 * lattice.spacing)
