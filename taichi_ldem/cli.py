@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from taichi_ldem.studies.commands import app as studies
+
 if TYPE_CHECKING:
     from taichi_ldem.scene import Scene
 
@@ -22,6 +24,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+app.add_typer(studies, name="study")
 
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE.toml", show_default=False)]
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="run folder", show_default=False)]
