@@ -389,7 +389,8 @@ class Simulation:
 
     def _gained(self, ledger: Ledger) -> float:
         """What contact gave, which should only take, over what there was or what the plate has."""
-        assert self._start is not None
+        if self._start is ledger or self._start is None:
+            return 0.0  # half of the first step's works are not there yet
         given = self._start.stored - ledger.kinetic_striker + ledger.external
         scale = max(ledger.held_by_plate, abs(given))
         return -ledger.contact / scale if scale > 0 else 0.0
@@ -406,7 +407,10 @@ class Simulation:
         if step > critical:
             return f"the time step {step:.3g} s is above the critical one, {critical:.3g} s"
         if ledger is not None and self._gained(ledger) > STOP_ERROR_OF_PLATE:
-            return "contact gave energy: a rigid body lay inside the plate"
+            return (
+                "contact gave energy: a rigid body lay inside the plate, or is so sharp that nodes "
+                "go round it within a step"
+            )
         moved = self.displacement_before()
         longest, shortest = stability.largest_strains(self.dynamics, moved)
         digits = float(np.finfo(self.dynamics.numpy_float()).eps) * np.abs(moved).max()

@@ -32,3 +32,29 @@ def extremes(
     from taichi_ldem.studies.extremes import run
 
     raise typer.Exit(run(out, quick=quick, only=only or (), workers=workers))
+
+
+@app.command()
+def convergence(
+    scene_file: Annotated[Path, typer.Argument(metavar="SCENE.toml", show_default=False)],
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="where runs go (default: outputs/SCENE)")
+    ] = None,
+    modules: Annotated[
+        list[int] | None, typer.Option(metavar="N", help="through the thickness; repeat it")
+    ] = None,
+    reference: Annotated[
+        int | None, typer.Option(metavar="N", help="modules of the reference")
+    ] = None,
+    seeds: Annotated[int, typer.Option(min=2, help="places of a cracking scene's striker")] = 4,
+    force: Annotated[bool, typer.Option("--force", help="remove another scene's runs")] = False,
+) -> None:
+    """Measure error against run time; finished runs are kept, so it can be cut and resumed."""
+    from taichi_ldem.studies.convergence import run
+
+    folder = Path("outputs", scene_file.stem) if out is None else out
+    raise typer.Exit(
+        run(
+            scene_file, folder, modules=modules or (), reference=reference, seeds=seeds, force=force
+        )
+    )

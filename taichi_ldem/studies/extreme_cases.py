@@ -398,7 +398,7 @@ def _bodies() -> list[Case]:
             "free",
             STABLE,
             "a symplectic scheme does not drift",
-            set_up=_shaken(1.0),
+            set_up=_shaken(0.1),
             share=0.9,
             steps=1_000_000,
             drift=1e-3,
@@ -474,6 +474,7 @@ def _deformed() -> list[Case]:
             STABLE,
             sure,
             set_up=_swelling(0.05),
+            drift=0.05,
         ),
         Case(
             "stretched by a twentieth and let go, 0.98",
@@ -623,7 +624,15 @@ def _strikers(group: str = "struck") -> list[Case]:
         case("striker 1 mg at 300 m/s", {mass: 1e-6, speed: 300.0}, drift=0.3),
         case("gravity a million times the Earth's", {"striker.gravity": 1e7, speed: 0.0}),
         case("contact on one node", {"striker.diameter": 4e-4}),
-        case("a needle of a fifth of a module", {"striker.diameter": 1e-4}),
+        Case(
+            "a needle of a fifth of a module",
+            "struck",
+            STOPPED,
+            "nodes let go by bars move by a tenth of its radius a step: too sharp a curve",
+            {"striker.diameter": 1e-4},
+            says="so sharp",
+            steps=1000,
+        ),
         case("a striker that never arrives", {"striker.gap": 1.0}, check=_moves_on(1 - 1e-12)),
         Case(
             "a striker beside the plate",
