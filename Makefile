@@ -20,7 +20,7 @@ test: $(VENV)/.dev vulkan
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 # What takes minutes: fuzzing, kills, faults, installs.
 slow: $(VENV)/.dev vulkan

@@ -165,6 +165,67 @@ def resume(
 
 
 @app.command()
+def ensemble(
+    scene_file: SceneFile,
+    cv: Annotated[
+        str | None,
+        typer.Option(metavar="CV,CV,...", help="of the fracture energy; 0: homogeneous specimen"),
+    ] = None,
+    seeds: Annotated[
+        str | None, typer.Option(metavar="FIRST:END", help="0:4 is 0 to 3; or 1,5,7")
+    ] = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(metavar="SECTION.KEY=V1,V2,...", help="any other key of the scene"),
+    ] = None,
+    settings: Settings = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="default: outputs/SCENE_ensemble")
+    ] = None,
+    local: Annotated[
+        int | None,
+        typer.Option(min=1, help="members at a time here (default: cores / threads)"),
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="run on a Dask cluster instead")
+    ] = None,
+    threads: Annotated[int, typer.Option(min=1, help="CPU threads of each member")] = 1,
+    timeout: Annotated[
+        float | None, typer.Option(min=1e-3, metavar="SECONDS", help="of one attempt at a member")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="go on with the ensemble in DIR")
+    ] = False,
+    precision: Precision = None,
+    quiet: Quiet = False,
+) -> None:
+    """Run a scene many times: seeds, variabilities and any keys, one process a run."""
+    from taichi_ldem.ensemble import plan, run
+    from taichi_ldem.material import check
+    from taichi_ldem.scene import SceneError
+
+    if local is not None and scheduler is not None:
+        raise SceneError("--local and --scheduler exclude each other")
+    given = [] if precision is None else [f"solver.precision={precision}"]
+    given = [*(settings or ()), *given]
+    members = plan.make_plan(scene_file, cv=cv, seeds=seeds, vary=vary or (), settings=given)
+    for member in members.members:
+        check(member.scene)
+    folder = run.default_folder(scene_file) if out is None else out
+    code = run.run(
+        members,
+        folder,
+        resume=resume,
+        local=local,
+        scheduler=scheduler,
+        threads=threads,
+        timeout=timeout,
+        quiet=quiet,
+    )
+    raise typer.Exit(code)
+
+
+@app.command()
 def info(scene_file: SceneFile, settings: Settings = None) -> None:
     """Print what a scene implies, without running it."""
     scene = _load(scene_file, settings or ())
@@ -193,11 +254,12 @@ def render(
 
 @app.command()
 def plot(folder: Folder) -> None:
-    """Draw the figures of a run again."""
+    """Draw the figures of a run again, or the figures and tables of an ensemble."""
+    from taichi_ldem.ensemble.report import is_ensemble, report
     from taichi_ldem.plots import plot_run
     from taichi_ldem.store import RunFolder
 
-    _list(plot_run(RunFolder.open(folder)))
+    _list(report(folder) if is_ensemble(folder) else plot_run(RunFolder.open(folder)))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

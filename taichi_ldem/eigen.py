@@ -95,8 +95,7 @@ class TangentOperator:
         exists = lattice.exists().ravel()
         exists[fixed] = False
         self.nodes = np.flatnonzero(exists)
-        mass = np.moveaxis(dynamics.mass.to_numpy()[lattice.code], -1, 0)
-        self.root_mass = np.sqrt(mass.ravel()[self.nodes])
+        self.root_mass = np.sqrt(dynamics.masses().ravel()[self.nodes])
         self.size = 3 * len(self.nodes)
         self.applied = 0
         self._motion = np.zeros((2, *lattice.sites, 3))
@@ -169,6 +168,8 @@ def stiffness(dynamics: "Dynamics", basis: Any = None) -> Any:
     total = sparse.csr_matrix((3 * basis.shape[1],) * 2)
     for bar, vector in enumerate(BAR_VECTORS):
         k = kinds[:, min(bar, DIAGONAL.start)]
+        if dynamics.features.modulus:
+            k = k * dynamics.lanes.gather(dynamics.modulus[bar].to_numpy()).ravel()
         if removed is not None:
             k = np.where((removed >> bar) & 1, 0.0, k)
         at = np.flatnonzero(k)

@@ -7,8 +7,9 @@ import math
 import os
 from pathlib import Path
 
+from taichi_ldem.disorder import varies
 from taichi_ldem.lanes import Lanes
-from taichi_ldem.scene import Scene, SceneError
+from taichi_ldem.scene import DISORDERED, Scene, SceneError
 
 BASE = 250e6
 """Bytes of the interpreter, Taichi's compiler and the libraries: 230 MB measured."""
@@ -34,8 +35,16 @@ def field_bytes(scene: Scene) -> int:
         size += 2
     if scene.solver.damping > 0:
         size += 2 * real
-    touched = 1 if damage or notch else 0
-    return nz * ny * lanes.columns * (lanes.width * size + touched)
+    uneven = {name for name in DISORDERED if varies(scene, name)}
+    column = 1 if damage or notch else 0  # touched
+    if damage and uneven - {"density"}:
+        size += 14 * real  # strength
+        column += real  # weakest
+    if "youngs_modulus" in uneven:
+        size += 14 * real
+    if "density" in uneven:
+        size += 4 * real
+    return nz * ny * lanes.columns * (lanes.width * size + column)
 
 
 def _lanes(scene: Scene, sites: int) -> tuple[Lanes, int]:

@@ -37,6 +37,10 @@ MAX_SAMPLES = 10**7
 MAX_FRAMES = 10**4
 MAGNITUDE = 1e20  # of numbers in SI units, and one over it
 NO_DURATION = 1.0  # s, of a scene that does not step in time
+LARGEST_CV = 1.5
+FEWEST_DATA = 3  # values that a distribution can be fitted to
+DISORDERED = ("fracture_energy", "youngs_modulus", "density")
+"""Properties that may vary, in the order of their random streams: never reorder."""
 ROUNDING = 0.01  # largest relative change of a side that is rounded to whole modules
 
 
@@ -260,6 +264,53 @@ class Material(_Table):
         return self
 
 
+Cv = Annotated[Real, Field(ge=0, le=LARGEST_CV)]
+
+
+class Disorder(_Table):
+    """Random material: Weibull fields around the means that [material] gives, Eqs. (14) to (17).
+
+    Of each property either the coefficient of variation or a list of measured values, to which the
+    Weibull shape is fitted (maximum likelihood; their mean is not used). A CV of 0 is no disorder.
+    """
+
+    fracture_energy_cv: Cv | None = Field(default=None, description="of each bar's G_f")
+    youngs_modulus_cv: Cv | None = Field(default=None, description="of each bar's E")
+    density_cv: Cv | None = Field(default=None, description="of each module's density")
+    fracture_energy_data: tuple[Positive, ...] | None = Field(
+        default=None, description="measured values in one unit, instead of the CV"
+    )
+    youngs_modulus_data: tuple[Positive, ...] | None = Field(default=None, description="the same")
+    density_data: tuple[Positive, ...] | None = Field(default=None, description="the same")
+    correlation_length: NonNegative = Field(
+        default=0.0,
+        description="at which the underlying Gaussian field's correlation is 1/e, m; 0: every bar"
+        " on its own, which depends on the module edge",
+    )
+    seed: Annotated[int, Field(strict=True, ge=0, lt=1 << 63)] = Field(
+        default=0, description="of the random fields"
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> "Disorder":
+        named = False
+        for name in DISORDERED:
+            cv, data = getattr(self, f"{name}_cv"), getattr(self, f"{name}_data")
+            named |= cv is not None or data is not None
+            if data is None:
+                continue
+            if cv is not None:
+                why = f"must not stand beside disorder.{name}_data; give one of the two"
+                raise _refuse(f"disorder.{name}_cv", cv, why)
+            if len(data) < FEWEST_DATA or max(data) - min(data) <= 1e-9 * max(data):
+                why = f"must be at least {FEWEST_DATA} values that differ"
+                raise _refuse(f"disorder.{name}_data", data, why)
+        if not named:
+            keys = ", ".join(f"'disorder.{name}_cv'" for name in DISORDERED)
+            raise ValueError(f"table '[disorder]' names nothing that varies: give one of {keys}")
+        return self
+
+
 class Striker(_Table):
     """Rigid nose on a shaft of the same diameter; moves along -z only, without friction.
 
@@ -453,6 +504,7 @@ class Scene(_Table):
     scenario: Literal["impact", "tension", "bend", "wave", "modes"]
     plate: Plate
     material: Material
+    disorder: Disorder | None = None
     striker: Striker | None = None
     clamp: Clamp | None = None
     grips: Grips | None = None
@@ -488,6 +540,7 @@ class Scene(_Table):
 
     @model_validator(mode="after")
     def _check(self) -> "Scene":
+        self._check_disorder()
         self._check_clamp()
         self._check_striker()
         self._check_tension()
@@ -502,6 +555,12 @@ class Scene(_Table):
             output = self.output.model_copy(update={"field_interval": interval})
             object.__setattr__(self, "output", output)
         return self
+
+    def _check_disorder(self) -> None:
+        length = self.disorder.correlation_length if self.disorder is not None else 0.0
+        if 0 < length < self.plate.spacing:
+            why = f"must be at least {self.plate.spacing:.6g}, one module, or 0: none"
+            raise _refuse("disorder.correlation_length", length, why)
 
     def _check_clamp(self) -> None:
         if self.clamp is None or self.clamp.kind == "free":
@@ -581,13 +640,14 @@ class Scene(_Table):
         if self.plate.shape != "rectangle":
             raise _refuse("plate.shape", self.plate.shape, 'must be "rectangle" with [pulse]')
         for name, present in (
+            ("disorder", self.disorder),
             ("striker", self.striker),
             ("clamp", self.held),
             ("supports", self.supports),
             ("notch", self.notch),
         ):
             if present:
-                raise ValueError(f"table '[{name}]': a pulse runs through a free, whole prism")
+                raise ValueError(f"table '[{name}]': a pulse runs through a free, uniform prism")
 
     def _check_supports(self) -> None:
         if self.scenario == "bend":
@@ -654,12 +714,14 @@ class Scene(_Table):
 # --- reading and writing --------------------------------------------------------------------------
 
 # Keys that belong to the format but not to this version: a nearest-key hint would mislead.
-LATER_KEYS = ("disorder", "plate.perturbation")
+LATER_KEYS = ("plate.perturbation",)
 
 # An override of one replaces the other.
 EXCLUSIVE: dict[tuple[str, ...], str] = {
     ("material", "failure_strain"): "failure_factor",
     ("material", "failure_factor"): "failure_strain",
+    **{("disorder", f"{name}_cv"): f"{name}_data" for name in DISORDERED},
+    **{("disorder", f"{name}_data"): f"{name}_cv" for name in DISORDERED},
 }
 
 
@@ -678,11 +740,22 @@ def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
         SceneError: file, an override or a value is not acceptable; one line.
     """
     path = Path(path)
-    data = _read(path)
-    changes = [_parse_override(text) for text in overrides]
-    for change in changes:
+    data = load_tables(path, overrides)
+    keys = {".".join(_parse_override(text).path) for text in overrides}
+    return parse_scene(data, path.name, keys)
+
+
+def load_tables(path: str | Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
+    """The tables of a scene file with overrides, not validated; else as `load_scene`."""
+    data = _read(Path(path))
+    for change in [_parse_override(text) for text in overrides]:
         _apply(data, change)
-    return parse_scene(data, path.name, {".".join(change.path) for change in changes})
+    return data
+
+
+def override_value(text: str) -> object:
+    """The value of an override `section.key=value`; SceneError as `load_scene`."""
+    return _parse_override(text).value
 
 
 def parse_scene(
@@ -851,7 +924,9 @@ def _length(location: tuple[int | str, ...]) -> str:
         return "tables"
     for field_name, field in _table_at(location[:-2]).model_fields.items():
         if name in (field_name, field.alias):
-            members = getattr(field.annotation, "__args__", ())
+            members: tuple[Any, ...] = getattr(field.annotation, "__args__", ())
+            if type(None) in members:  # a list that may be absent
+                members = getattr(members[0], "__args__", ())
             return "numbers" if Ellipsis in members else f"{len(members)} numbers"
     return "numbers"
 
@@ -860,6 +935,7 @@ def _table_at(location: tuple[int | str, ...]) -> type[_Table]:
     tables: dict[int | str, type[_Table]] = {
         "plate": Plate,
         "material": Material,
+        "disorder": Disorder,
         "striker": Striker,
         "clamp": Clamp,
         "grips": Grips,

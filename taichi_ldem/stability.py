@@ -37,8 +37,7 @@ def critical_time_step(dynamics: Dynamics) -> float:
     from scipy.sparse.linalg import LinearOperator, eigsh
 
     shape = (2, *dynamics.sites, 3)
-    mass = dynamics.mass.to_numpy()[dynamics.lattice.code].astype(np.float64)
-    root = np.sqrt(np.moveaxis(mass, -1, 0))[..., None]
+    root = np.sqrt(dynamics.masses())[..., None]
     inverse = np.divide(1.0, root, out=np.zeros_like(root), where=root > 0)
     largest = min(1e-6, 1e-2 * dynamics.peak_strain) if dynamics.features.damage else 1e-6
     amplitude = largest * dynamics.lattice.spacing / inverse.max()
