@@ -39,7 +39,7 @@ def critical_time_step(dynamics: Dynamics) -> float:
     shape = (2, *dynamics.sites, 3)
     root = np.sqrt(dynamics.masses())[..., None]
     inverse = np.divide(1.0, root, out=np.zeros_like(root), where=root > 0)
-    largest = min(1e-6, 1e-2 * dynamics.peak_strain) if dynamics.features.damage else 1e-6
+    largest = min(1e-6, 1e-2 * _least_peak_strain(dynamics))
     amplitude = largest * dynamics.lattice.spacing / inverse.max()
     factor = -root / amplitude
     now, rest, acceleration = 0, np.zeros(shape), np.zeros(shape)
@@ -69,6 +69,14 @@ def critical_time_step(dynamics: Dynamics) -> float:
     for buffer in (0, 1):
         dynamics.set_displacement(buffer, rest)
     return float(2 / np.sqrt(value[0]))
+
+
+def _least_peak_strain(dynamics: Dynamics) -> float:
+    """The smallest eps_p of any bar; infinite without damage."""
+    if not dynamics.features.damage:
+        return np.inf
+    weakest = float(dynamics.weakest.to_numpy().min()) if dynamics.features.strength else 1.0
+    return dynamics.peak_strain * weakest
 
 
 def largest_strains(

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
+SEED_REACH = 0.1
+"""Of a cracking scene's striker from its own place, in thicknesses: half of a module of five."""
+
 IMPACT, VIBRATION, WAVE, CRACKING = "impact", "vibration", "wave", "cracking"
 
 
@@ -113,8 +116,7 @@ class _Vibration:
         self.rows: list[tuple[float, float]] = []
         frequency, shape = lowest_elastic_mode(simulation)
         self.frequency = frequency
-        dynamics = simulation.dynamics
-        mass = np.moveaxis(dynamics.mass.to_numpy()[dynamics.lattice.code], -1, 0)[..., None]
+        mass = simulation.dynamics.masses()[..., None]
         self.weight = mass * shape / float((mass * shape**2).sum())
         # bars turn by far less than 1e-6: the lattice is linear
         amplitude = 1e-6 * simulation.spacing

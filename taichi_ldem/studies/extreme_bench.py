@@ -205,8 +205,7 @@ class Bench:
     @property
     def masses(self) -> Array:
         """(2, *S, 1) of the nodes, kg."""
-        mass = self.simulation.dynamics.mass.to_numpy()[self.lattice.code]
-        return np.asarray(np.moveaxis(mass, -1, 0)[..., None], dtype=np.float64)
+        return np.asarray(self.simulation.dynamics.masses()[..., None])
 
     def start(self, displacement: Array | float = 0.0, velocity: Array | float = 0.0) -> None:
         """Set the state at t = 0."""

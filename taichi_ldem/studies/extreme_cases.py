@@ -45,6 +45,15 @@ GROUPS = {
     "free-f32": _scene("f32"),
     "breaking": _scene(material=BREAKING),
     "damped": _scene(solver=DAMPED),
+    "disordered": _scene(
+        material=BREAKING,
+        disorder={
+            "fracture_energy_cv": 0.25,
+            "youngs_modulus_cv": 0.25,
+            "density_cv": 0.25,
+            "seed": 1,
+        },
+    ),
     "struck": _scene(**STRUCK),
     "struck-f32": _scene("f32", **STRUCK),
 }
@@ -339,7 +348,7 @@ def _materials() -> list[Case]:
     for what in ("stiffness", "density"):
         cases.append(
             Case(
-                f"{what} contrast 1e6",
+                f"{what} contrast 1e6 between faces and inside",
                 "free",
                 STABLE,
                 "the estimate is of the assembled lattice",
@@ -573,6 +582,96 @@ def _fracture() -> list[Case]:
     ]
 
 
+def _neighbours(what: str, factor: float, speed: float = 0.0) -> Callable[[Bench], None]:
+    """Make every second bar stiffer or stronger, or every second module heavier, by a factor."""
+
+    def set_up(bench: Bench) -> None:
+        from taichi_ldem.stability import critical_time_step
+
+        s, share = (
+            bench.simulation,
+            bench.simulation.time_step / bench.simulation.critical_time_step,
+        )
+        d = s.dynamics
+        even = np.indices((*d.sites, 14)).sum(axis=0) % 2 == 0
+        contrast = np.where(even, 1.0, factor)
+        one = np.ones((*d.sites, 14))
+        d.set_modulus(contrast if what == "E" else one)
+        d.set_strength(contrast if what == "strength" else one)
+        module = np.indices(d.lattice.mask.shape).sum(axis=0) % 2 == 0
+        density = np.where(module & (what == "density"), factor, 1.0)
+        d.set_own_density(bench.scene.material.density, density)
+        s.critical_time_step = critical_time_step(d)
+        s.time_step = share * s.critical_time_step
+        if speed:
+            _tearing(speed)(bench)
+        else:
+            bench.shake(1e-3)
+
+    return set_up
+
+
+def _disorder() -> list[Case]:
+    cvs = ("fracture_energy_cv", "youngs_modulus_cv", "density_cv")
+    wide = {f"disorder.{name}": 1.5 for name in cvs}
+    assembled = "the estimate is of the assembled lattice, bar by bar"
+    cases = [
+        Case(
+            "disorder of CV 1.5 in G_f, E and density",
+            "disordered",
+            STABLE,
+            assembled,
+            wide,
+            set_up=_tearing(40.0),
+            check=_breaks(10),
+            drift=0.05,
+        ),
+        Case(
+            "disorder of CV 1.5 at 0.99 of the step",
+            "disordered",
+            STABLE,
+            assembled,
+            wide,
+            set_up=_shaken(1e-5),
+            share=0.99,
+        ),
+        Case(
+            "disorder of CV 1.5 at 1.05 of the step",
+            "disordered",
+            STOPPED,
+            assembled,
+            wide,
+            set_up=_shaken(1e-5),
+            share=1.05,
+            says=STEP,
+        ),
+        Case(
+            "strengths of neighbouring bars 1e6 apart",
+            "disordered",
+            STABLE,
+            "bars that cannot break hold their neighbours' ends",
+            set_up=_neighbours("strength", 1e6, 40.0),
+            check=_breaks(10),
+            drift=0.05,
+        ),
+    ]
+    for what, name in (("E", "E of neighbouring bars"), ("density", "density of neighbours")):
+        for share in (0.99, 1.05):
+            stable = share < 1
+            cases.append(
+                Case(
+                    f"{name} 1e6 apart, {share}",
+                    "disordered",
+                    STABLE if stable else STOPPED,
+                    assembled,
+                    set_up=_neighbours(what, 1e6),
+                    share=share,
+                    says="" if stable else STEP,
+                )
+            )
+    return cases
+
+
 def _damping() -> list[Case]:
     implicit = "implicit and diagonal: stable for any damping"
 
@@ -742,6 +841,7 @@ CASES: tuple[Case, ...] = (
     *_bodies(),
     *_deformed(),
     *_fracture(),
+    *_disorder(),
     *_damping(),
     *_strikers(),
     *_strikers("struck-f32"),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taichi_ldem import stability
+from taichi_ldem import disorder, stability
 from taichi_ldem.material import check
 
 if TYPE_CHECKING:
@@ -34,6 +34,16 @@ def renew(simulation: "Simulation", scene: "Scene", lattice: "Lattice | None" = 
         dynamics.code.from_numpy(dynamics.lanes.spread(lattice.code))
     dynamics.set_bars(bars)
     dynamics.set_density(scene.material.density)
+    drawn = disorder.draw(scene, dynamics.lattice)
+    if dynamics.features.strength:
+        assert drawn.strength is not None
+        dynamics.set_strength(drawn.strength)
+    if dynamics.features.modulus:
+        assert drawn.youngs_modulus is not None
+        dynamics.set_modulus(drawn.youngs_modulus)
+    if dynamics.features.density:
+        assert drawn.density is not None
+        dynamics.set_own_density(scene.material.density, drawn.density)
     simulation.peak_strain = dynamics.peak_strain
     fields = dynamics.fields()
     for name in ("displacement", "velocity", "peak", "touched", "recorded", "damped"):
