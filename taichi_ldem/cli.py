@@ -226,7 +226,13 @@ def ensemble(
 
 
 @app.command()
-def info(scene_file: SceneFile, settings: Settings = None) -> None:
+def info(
+    scene_file: SceneFile,
+    settings: Settings = None,
+    measure: Annotated[
+        bool, typer.Option("--measure", help="time a step, too: takes a minute or more")
+    ] = False,
+) -> None:
     """Print what a scene implies, without running it."""
     scene = _load(scene_file, settings or ())
 
@@ -234,7 +240,7 @@ def info(scene_file: SceneFile, settings: Settings = None) -> None:
 
     from taichi_ldem.describe import describe
 
-    Console().print(describe(scene))
+    Console().print(describe(scene, measure))
 
 
 @app.command()
