@@ -62,10 +62,10 @@ def test_advice_names_the_cheapest_that_is_good_enough() -> None:
 @pytest.mark.parametrize(
     ("name", "what"),
     [
-        ("convergence_impact", conv.IMPACT),
-        ("convergence_vibration", conv.VIBRATION),
-        ("convergence_clamped", conv.VIBRATION),
-        ("convergence_cracking", conv.CRACKING),
+        ("impact_convergence", conv.IMPACT),
+        ("modes_convergence", conv.VIBRATION),
+        ("modes_convergence_clamped", conv.VIBRATION),
+        ("impact_convergence_cracking", conv.CRACKING),
         ("wave_bar", conv.WAVE),
     ],
 )
@@ -90,7 +90,7 @@ def test_the_exact_wave_has_the_continuum_s_speed() -> None:
 
 
 def test_another_scene_s_runs_are_not_taken(tmp_path: Path) -> None:
-    scenes = [load_scene(CONFIGS / f"convergence_{name}.toml") for name in ("impact", "vibration")]
+    scenes = [load_scene(CONFIGS / f"{name}_convergence.toml") for name in ("impact", "modes")]
     first, second = (
         conv.Study(Path(), scene, conv.IMPACT, tmp_path, conv.PLANS[conv.IMPACT])
         for scene in scenes
@@ -112,7 +112,7 @@ def test_confidence_intervals_are_student_s() -> None:
 
 
 def test_the_striker_s_places_are_the_same_every_time() -> None:
-    scene = load_scene(CONFIGS / "convergence_cracking.toml")
+    scene = load_scene(CONFIGS / "impact_convergence_cracking.toml")
     found = places(scene, 4)
     assert found == places(scene, 4)
     assert len(set(found)) == 4

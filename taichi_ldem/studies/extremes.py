@@ -138,7 +138,8 @@ def table(results: Results) -> str:
         drift = _number(seen.drift, ".1e") if seen.outcome == STABLE else ""
         said = case.because
         if seen.message:
-            said += f"; *{seen.message.removeprefix('error: ').removeprefix('stopped: ')}*"
+            told = seen.message.removeprefix("error: ").removeprefix("scene.toml: ")
+            said += f"; *{told.split('likely cause: ')[-1]}*"
         cells = [
             case.name,
             _number(seen.share, ".3g"),
