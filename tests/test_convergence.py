@@ -48,6 +48,18 @@ def test_errors_of_histories_are_relative_mean_squares() -> None:
     assert conv.differences(record, reference) == pytest.approx({"f": 0.2, "v": 0.05})
 
 
+def test_a_wave_that_comes_late_is_slow() -> None:
+    time_s = np.linspace(0.0, 10.0, 401)
+
+    def pulse(at: float) -> list[float]:
+        return list(np.exp(-((time_s - at) ** 2)))
+
+    reference = {"time": list(time_s), "signals": {"displacement": pulse(5.0)}, "flight_s": 4.0}
+    record = {"time": list(time_s), "signals": {"displacement": pulse(5.2)}}
+    # over the same way in 4.2 instead of 4 s: 1 - 4 / 4.2
+    assert conv.differences(record, reference)["speed"] == pytest.approx(0.2 / 4.2, rel=1e-3)
+
+
 def test_advice_names_the_cheapest_that_is_good_enough() -> None:
     study = conv.Study(Path(), load_scene(CONFIGS / "wave_bar.toml"), conv.WAVE, Path(),
                        conv.Plan((4,), 0, 4, "x"))  # fmt: skip

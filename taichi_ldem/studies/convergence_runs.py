@@ -55,6 +55,7 @@ def run(scene: Scene) -> dict[str, Any]:
 
     started = time.perf_counter()
     simulation = Simulation(scene)
+    _step_exactly(simulation)
     simulation.compile()
     what = kind(scene)
     reader: Any = {IMPACT: _Impact, VIBRATION: _Vibration, WAVE: _Wave}[what](simulation)
@@ -77,6 +78,15 @@ def run(scene: Scene) -> dict[str, Any]:
         "bars": simulation.dynamics.lattice.bars,
         "energy_error": reader.error,
     }
+
+
+def _step_exactly(simulation: "Simulation") -> None:
+    """Take the scene's share of the critical step as it is, not rounded to history intervals."""
+    scene = simulation.scene
+    simulation.time_step = scene.solver.safety * simulation.critical_time_step
+    simulation.steps = round(scene.solver.duration / simulation.time_step)
+    every = round(scene.output.history_interval / simulation.time_step)
+    simulation.sample_every = max(1, every)
 
 
 class _Impact:
@@ -131,15 +141,16 @@ class _Vibration:
 
     def signals(self) -> dict[str, Any]:
         """The frequency in time and that of the eigenvalue problem, Hz."""
-        from scipy.optimize import curve_fit
+        from scipy.optimize import least_squares
 
         at, along = np.array(self.rows).T
 
-        def wave(t: Array, ratio: float, a: float, b: float) -> Array:
-            phase = 2 * math.pi * self.frequency * ratio * t
-            return a * np.cos(phase) + b * np.sin(phase)
+        def miss(unknown: Array) -> Array:
+            ratio, a, b = unknown
+            phase = 2 * math.pi * self.frequency * ratio * at
+            return np.asarray(a * np.cos(phase) + b * np.sin(phase) - along)
 
-        fit, _ = curve_fit(wave, at, along, p0=(1.0, 1.0, 0.0), xtol=1e-15, ftol=1e-15)
+        fit = least_squares(miss, (1.0, 1.0, 0.0), xtol=1e-15, ftol=1e-15, gtol=1e-15).x
         return {
             "values": {"frequency": float(fit[0]) * self.frequency},
             "eigenfrequency_hz": self.frequency,
@@ -216,9 +227,11 @@ def exact_wave(scene: Scene, sections: tuple[int, ...] = (3, 4, 6)) -> dict[str,
         turn = k[:, None] * (2 * packets[0].ends[1] - place) - omega[:, None] * time_s
         moved = moved + (seen[:, None] * np.exp(1j * turn)).sum(axis=0).real
     speed = float(omega[1] / k[1])
+    flight = (float(place[0]) - packets[0].pulse.position) / speed
     return {
         "time": time_s.tolist(),
         "signals": {"displacement": moved.tolist()},
+        "flight_s": flight,
         "speed_m_s": speed,
         "continuum_m_s": packets[0].reference[1],
     }
