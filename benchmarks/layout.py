@@ -48,3 +48,13 @@ def step_bytes(sites: tuple[int, int, int], lanes: "Lanes", item: int, history: 
     flags = owned * (lanes.width + history)
     # velocity in and out, other displacement fetched and out
     return read + flags + owned * lanes.width * COMPONENTS * item * 4
+
+
+def passes_bytes(sites: tuple[int, int, int], item: int) -> int:
+    """Bytes that whole passes move beyond ``step_bytes``: bar scalars, written once, read once.
+
+    What a GPU reads twice (the displacement, in both passes) makes up for what it does not fetch
+    before it writes.
+    """
+    nz, ny, nx = sites
+    return 2 * 14 * item * (nz - 2) * (ny - 2) * (nx - 2)

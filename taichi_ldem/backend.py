@@ -5,8 +5,10 @@ import ctypes
 import functools
 import os
 import sys
+import time
 from collections.abc import Iterator
-from textwrap import TextWrapper
+from pathlib import Path
+from typing import Any
 
 from taichi_ldem.scene import SceneError, Solver
 
@@ -27,38 +29,89 @@ def _silent_stdout() -> Iterator[None]:
         os.close(sink)
 
 
-def vulkan_device() -> bool:
-    """Whether a Vulkan device exists, asked without Taichi, which aborts where there is none."""
-    if sys.platform == "darwin":
-        return True  # Taichi brings its own
+STALE = 60.0
+"""Age of a lock on Taichi's cache, s, at which whoever made it is taken to be dead."""
+
+SHADER_FLOAT64 = 39
+"""Number of the f64 entry of VkPhysicalDeviceFeatures, which has 55 of four bytes."""
+
+
+def _vulkan_devices() -> list[bool]:
+    """Whether each Vulkan device has f64; without Taichi, which aborts where there is none."""
     try:
         vulkan = ctypes.CDLL("vulkan-1.dll" if sys.platform == "win32" else "libvulkan.so.1")
     except OSError:
-        return False
+        return []
     # VkInstanceCreateInfo with only its type set, as eight pointer-sized slots
     request = (ctypes.c_size_t * 8)(1)
     instance, count = ctypes.c_void_p(), ctypes.c_uint32(0)
     if vulkan.vkCreateInstance(ctypes.byref(request), None, ctypes.byref(instance)):
-        return False
+        return []
     failed = vulkan.vkEnumeratePhysicalDevices(instance, ctypes.byref(count), None)
+    devices = (ctypes.c_void_p * count.value)()
+    failed |= vulkan.vkEnumeratePhysicalDevices(instance, ctypes.byref(count), devices)
+    found = []
+    for device in [] if failed else devices:
+        features = (ctypes.c_uint32 * 55)()
+        vulkan.vkGetPhysicalDeviceFeatures(ctypes.c_void_p(device), features)
+        found.append(features[SHADER_FLOAT64] != 0)
     vulkan.vkDestroyInstance(instance, None)
-    return not failed and count.value > 0
+    return found
 
 
-class _RememberingWrapper(TextWrapper):
-    """TextWrapper that wraps a line once.
+def vulkan_device() -> bool:
+    """Whether a Vulkan device exists."""
+    return sys.platform == "darwin" or bool(_vulkan_devices())  # there Taichi brings its own
 
-    Taichi wraps the source line of every node of every kernel for error messages that are never
-    shown: a quarter of the start of a cached scene.
+
+def _refuse_absent(solver: Solver) -> None:
+    """Raise SceneError where a backend is known to be missing or to lack what a run needs."""
+    arch = f'solver.arch = "{solver.arch}"'
+    if solver.arch == "metal" or (solver.arch == "vulkan" and sys.platform == "darwin"):
+        raise SceneError(f'{arch}: has no f64, which contact sums need; use "cpu"')
+    if solver.arch == "vulkan":
+        devices = _vulkan_devices()
+        if not devices:
+            raise SceneError(f'{arch}: no Vulkan device here; use "cpu"')
+        if not any(devices):
+            raise SceneError(f'{arch}: this device has no f64, which contact sums need; use "cpu"')
+
+
+def _place(context: Any, node: Any) -> str:
+    """Where a node of a kernel is, for error messages: file, line, function and source.
+
+    Taichi's own draws the line again with marks under it, for every node of every kernel, and
+    hardly any is ever shown.
     """
+    line = node.lineno + context.lineno_offset
+    where = f'File "{context.file}", line {line}, in {context.func.func.__name__}:'
+    return f"{where}\n{context.src[node.lineno - 1]}\n"
 
-    def wrap(self, text: str) -> list[str]:
-        return _wrapped(text, self.width)
+
+def _spare_taichi_work() -> None:
+    """Take from Taichi what it does again and again when it reads kernels.
+
+    Half of the time that a cached kernel takes to start: each call of a function in a kernel finds
+    and splits the function's source anew.
+    """
+    from taichi.lang import kernel_impl
+    from taichi.lang.ast import ast_transformer_utils
+
+    ast_transformer_utils.ASTTransformerContext.get_pos_info = _place
+    for name in ("getsourcelines", "getsourcefile"):
+        if not hasattr(getattr(kernel_impl, name), "cache_info"):
+            setattr(kernel_impl, name, functools.cache(getattr(kernel_impl, name)))
 
 
-@functools.lru_cache(maxsize=100_000)
-def _wrapped(text: str, width: int) -> list[str]:
-    return TextWrapper(width=width).wrap(text)
+def _free_cache(folder: Path) -> None:
+    """Remove locks that a process killed while it wrote Taichi's cache has left behind.
+
+    Taichi would neither read nor write its cache ever again. Writing takes seconds at most.
+    """
+    for lock in folder.glob("**/ticache.lock"):
+        with contextlib.suppress(OSError):
+            if time.time() - lock.stat().st_mtime > STALE:
+                lock.unlink()
 
 
 def start(solver: Solver) -> None:
@@ -69,15 +122,13 @@ def start(solver: Solver) -> None:
     Raises:
         SceneError: the backend is not there, or cannot do the precision.
     """
-    if solver.arch == "metal":
-        raise SceneError('solver.arch = "metal": has no f64, which contact sums need; use "cpu"')
-    if solver.arch == "vulkan" and not vulkan_device():
-        raise SceneError('solver.arch = "vulkan": no Vulkan device here; use "cpu"')
+    _refuse_absent(solver)
     with _silent_stdout():
         import taichi as ti
-        from taichi.lang.ast import ast_transformer_utils
 
-        ast_transformer_utils.TextWrapper = _RememberingWrapper
+        _spare_taichi_work()
+        cache = os.environ.get("TI_OFFLINE_CACHE_FILE_PATH")
+        _free_cache(Path(cache or ti.lang.impl.default_cfg().offline_cache_file_path))
         # not ti.gpu, which also looks for Vulkan and may abort in its driver
         arch = {"cpu": ti.cpu, "vulkan": ti.vulkan}.get(solver.arch, ti.cuda)
         real = ti.f64 if solver.precision == "f64" else ti.f32

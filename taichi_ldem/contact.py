@@ -8,8 +8,10 @@ frequency). Momentum along z is conserved; a node that strikes a body sticks to 
 and the energy lost that way is accumulated, so the ledger closes.
 
 Only nodes near a body are visited. They are listed anew every few steps, in ascending order, from
-positions and speeds; impulses and works are summed over chunks of the list, then over the chunks,
-one after the other in f64. Nothing depends on the number of threads.
+positions and speeds, on the device: nothing waits for the host. Impulses and works are summed over
+chunks of the list, then over the chunks, one after the other in f64. Nothing depends on the number
+of threads. On a GPU, where one thread is slow, a body at rest keeps its chunks' sums over the steps
+and adds them up only for a sample.
 
 Discrete energy: with kinetic energy 1/2 v(n-1/2) M v(n+1/2), a force F at t_n does the work
 dt F (v(n-1/2) + v(n+1/2)) / 2, one half before t_n and one half after. Both halves are kept apart,
@@ -35,6 +37,12 @@ from taichi_ldem.scene import Supports as SupportsScene
 CHUNK = 8
 """Nodes summed at a time: few, because Taichi gives a CPU thread at least 512 turns of a loop."""
 
+WORD = 16
+"""Columns of a row whose nodes one number marks as near or not."""
+
+BATCH, GROUP = 8, 64
+"""Numbers that one thread of a GPU reads at once, and chunks whose sums one thread adds up."""
+
 # what both bodies accumulate
 IMPULSE, PLATE_BEFORE, LOSS_BEFORE, LOSS_AFTER = range(4)
 # numbers that describe a body: kept in a field, so that another value compiles nothing anew
@@ -59,14 +67,21 @@ class RigidBody:
     Attributes:
         nodes: node numbers, ascending, flat over (2, *S).
         before: velocity of each listed node at the end of the last step, m/s.
+        count: (2,) nodes listed, and the most that were ever near, listed or not.
+        marks: a bit for each column of a piece of a row (s, k, j, lane): its node is near.
+        ends: for each row (s, k, j) the number after its last node in the list.
         numbers: what describes the body, f64, SI units.
         chunk_sums: (chunks,) 4-vectors in f64.
+        group_sums: (groups,) 4-vectors in f64, on a GPU.
         sums: (4,) f64 since the start: impulse on the plate along z (N s); half-step work on the
             plate in the latest step (J); energy lost before and after the latest sample time (J).
     """
 
     moving = True
     """Whether the list has to be made anew while the plate moves."""
+
+    answers = False
+    """Whether the body's own motion needs the chunks' sums in every step."""
 
     state: Any = None
     """What moves about the body itself, if anything does."""
@@ -78,33 +93,35 @@ class RigidBody:
         self.capacity = capacity
         self.nodes = field_apart(ti.i32, capacity)
         self.before = ti.Vector.field(3, float, shape=capacity)
-        self.count = field_apart(ti.i32, 1)
+        self.count = field_apart(ti.i32, 2)
         self.chunk_sums = field_apart(ti.f64, capacity // CHUNK + 1, 4)
         self.sums = field_apart(ti.f64, 4)
+        self.batch = 1 if dynamics.on_cpu else BATCH
+        self.keeps = not (dynamics.on_cpu or self.answers)
+        if self.keeps:
+            self.group_sums = field_apart(ti.f64, self.chunk_sums.shape[0] // GROUP + 1, 4)
+        if self.moving:
+            nz, ny, _ = dynamics.sites
+            self.words = -(-dynamics.lanes.length // WORD)
+            self.marks = field_apart(ti.i32, 2 * nz * ny * dynamics.lanes.width * self.words)
+            self.ends = field_apart(ti.i32, 2 * nz * ny)
 
-    def set_nodes(self, nodes: npt.NDArray[np.int32], count: int) -> None:
-        """Replace the list by the first ``count`` of ``nodes`` and note their velocities.
-
-        Raises:
-            TooManyNodes: more than the list was built for.
-        """
-        if count > self.capacity:
-            raise TooManyNodes(
-                f"{count} nodes came near a rigid body whose list holds {self.capacity}: fast "
-                "debris all around it; end the run earlier (solver.duration) or strike more slowly"
-            )
+    def set_nodes(self, nodes: npt.NDArray[np.int32]) -> None:
+        """Replace the list and note the nodes' velocities."""
         padded = np.zeros(self.capacity, dtype=np.int32)
-        padded[:count] = np.sort(nodes[:count])
+        padded[: len(nodes)] = np.sort(nodes)
         self.nodes.from_numpy(padded)
-        self.count[0] = count
+        self.count[0] = len(nodes)
         self.note_velocities()
 
     def saved_state(self) -> dict[str, npt.NDArray]:
         """Copies of what the next step starts from: list, velocities, sums, the body's motion."""
-        count = self.count[0]
         own = {} if self.state is None else {"state": self.state.to_numpy()}
-        before = self.before.to_numpy()[:count]
-        return own | {"sums": self.collected(), "nodes": self.listed(), "before": before}
+        if self.keeps:
+            own["chunks"] = self.chunk_sums.to_numpy()
+        nodes = self.listed()
+        before = self.before.to_numpy()[: len(nodes)]
+        return own | {"sums": self.sums.to_numpy(), "nodes": nodes, "before": before}
 
     def restore_state(self, saved: Mapping[str, npt.NDArray]) -> None:
         """Continue from ``saved_state``.
@@ -116,20 +133,36 @@ class RigidBody:
         inside = not len(nodes) or (nodes.min() >= 0 and nodes.max() < self._node_numbers())
         if len(nodes) > self.capacity or len(before) != len(nodes) or not inside:
             raise ValueError("a rigid body's list of nodes is of another lattice")
-        self.set_nodes(nodes, len(nodes))
+        self.set_nodes(nodes)
         padded = np.zeros((self.capacity, 3), dtype=before.dtype)
         padded[: len(before)] = before
         self.before.from_numpy(padded)
         self.sums.from_numpy(saved["sums"])
         if self.state is not None:
             self.state.from_numpy(saved["state"])
+        if self.keeps:
+            self.chunk_sums.from_numpy(saved["chunks"])
 
     def _node_numbers(self) -> int:
         return 2 * int(np.prod(self.dynamics.sites))
 
     def listed(self) -> npt.NDArray[np.int32]:
-        """Numbers of the listed nodes, ascending."""
-        return self.nodes.to_numpy()[: self.count[0]]
+        """Numbers of the listed nodes, ascending.
+
+        Raises:
+            TooManyNodes: there were more than the list holds.
+        """
+        count = self.count.to_numpy()
+        self.refuse_more(int(count[1]))
+        return self.nodes.to_numpy()[: count[0]]
+
+    def refuse_more(self, near: int) -> None:
+        """Raise TooManyNodes where more nodes have come near than the list holds."""
+        if near > self.capacity:
+            raise TooManyNodes(
+                f"{near} nodes came near a rigid body whose list holds {self.capacity}: fast "
+                "debris all around it; end the run earlier (solver.duration) or strike more slowly"
+            )
 
     @ti.func
     def near(self, position, margin):
@@ -147,6 +180,14 @@ class RigidBody:
     def chunks(self):
         """Number of chunks of the list."""
         return (self.count[0] + CHUNK - 1) // CHUNK
+
+    @ti.func
+    def turns(self):
+        """Turns of a loop over the chunks: on a GPU all that fit, known without asking it."""
+        turns = self.chunks()
+        if ti.static(not self.dynamics.on_cpu):
+            turns = self.chunk_sums.shape[0]
+        return turns
 
     @ti.func
     def chunk_end(self, chunk):
@@ -171,22 +212,32 @@ class RigidBody:
         return impulse.z
 
     @ti.func
+    def inertia(self, s, k, j, i, time_step, damping):
+        """Impulse that changes a node's velocity at the end of a step, by that change, kg.
+
+        Its mass, and half of a step's damping, which acts on the mean of both velocities.
+        """
+        mass = ti.cast(self.dynamics.node_mass(s, k, j, i), ti.f64)
+        if ti.static(self.dynamics.features.damping):
+            mass *= 1 + 0.5 * ti.cast(damping, ti.f64) * ti.cast(time_step, ti.f64)
+        return mass
+
+    @ti.func
     def put(self, number, s, k, j, i, now, time_step, damping, displacement):
         """Move a node to a displacement (f64), return impulse (``component``) and both works."""
         old = ti.cast(self.dynamics.node_displacement(now, s, k, j, i), ti.f64)
         free = ti.cast(self.dynamics.node_velocity(s, k, j, i), ti.f64)
         velocity = (displacement - old) / ti.cast(time_step, ti.f64)
-        impulse = ti.cast(self.dynamics.node_mass(s, k, j, i), ti.f64) * (velocity - free)
+        impulse = self.inertia(s, k, j, i, time_step, damping) * (velocity - free)
         self.dynamics.put_node(
             1 - now, s, k, j, i, ti.cast(displacement, float), ti.cast(velocity, float)
         )
         before = ti.cast(self.before[number], ti.f64)
         if ti.static(self.dynamics.features.damping):
-            # what it loses by damping was booked for its free flight: take the way it really goes
-            drag = (
-                0.5 * damping * self.dynamics.node_mass(s, k, j, i) * ti.cast(before + free, float)
-            )
-            way = ti.cast(0.5 * time_step * (velocity - free), float)
+            # what it loses by damping was booked for its free flight, with its velocity then
+            mean = 0.25 * ti.cast(2 * before + free + velocity, float)
+            drag = damping * self.dynamics.node_mass(s, k, j, i) * mean
+            way = ti.cast(time_step * (velocity - free), float)
             self.dynamics.add_damped(s, k, j, i, drag.dot(way))
         works = 0.5 * impulse.dot(before), 0.5 * impulse.dot(velocity)
         return vec3d(self.component(impulse), works[0], works[1])
@@ -194,40 +245,107 @@ class RigidBody:
     @ti.func
     def total(self):
         """Sum of the chunks' sums, in their order."""
-        total = ti.Vector.zero(ti.f64, 4)
-        for chunk in range(self.chunks()):
-            total += self.chunk_sums[chunk]
+        total, chunks = ti.Vector.zero(ti.f64, 4), self.chunks()
+        for batch in range((chunks + self.batch - 1) // self.batch):
+            first = batch * self.batch
+            parts = [
+                self.chunk_sums[ti.min(first + n, chunks - 1)] for n in ti.static(range(self.batch))
+            ]
+            for n in ti.static(range(self.batch)):
+                if first + n < chunks:
+                    total += parts[n]
         return total
 
-    def list_nodes(self, now: int, reach: float, approach: float) -> None:
+    @ti.func
+    def settle(self, chunk, works):
+        """Put down a chunk's impulse and both works of this step."""
+        if ti.static(self.keeps):
+            kept = self.chunk_sums[chunk]
+            self.chunk_sums[chunk] = ti.Vector(
+                [kept[0] + works[0], works[1], kept[2] + works[1], kept[3] + works[2]], ti.f64
+            )
+        else:
+            self.chunk_sums[chunk] = ti.Vector([works[0], works[1], works[2], 0.0], ti.f64)
+
+    @ti.func
+    def book_settled(self):
+        """Book what the chunks have put down, for a body that nothing moves."""
+        if ti.static(not self.keeps):
+            ti.loop_config(serialize=True)
+            for _ in range(1):
+                total = self.total()
+                self.book(total[0], total[1], total[1], total[2])
+
+    @ti.func
+    def add_up(self):
+        """Book what chunks have kept since the last time."""
+        if ti.static(self.keeps):
+            for group in range(self.group_sums.shape[0]):
+                total = ti.Vector.zero(ti.f64, 4)
+                for chunk in range(group * GROUP, ti.min((group + 1) * GROUP, self.turns())):
+                    kept = self.chunk_sums[chunk]
+                    total += kept
+                    self.chunk_sums[chunk] = ti.Vector([0.0, kept[1], 0.0, 0.0], ti.f64)
+                self.group_sums[group] = total
+            ti.loop_config(serialize=True)
+            for _ in range(1):
+                total = ti.Vector.zero(ti.f64, 4)
+                for group in range(self.group_sums.shape[0]):
+                    total += self.group_sums[group]
+                self.book(total[0], total[1], total[2], total[3])
+
+    @ti.func
+    def approach(self):
+        """Speed at which the body itself moves, m/s."""
+        return ti.cast(0.0, float)
+
+    def list_nodes(self, now: int, reach: float) -> None:
         """List the nodes that may touch the body within ``reach`` (s) from now.
 
-        A node's margin is 0.45 of a module plus twice the way that it and the body, at the speed
-        ``approach`` (m/s), go in that time (bounded by the sum of its velocity's components): a
-        node may be accelerated meanwhile, at most to about the wave speed times eps_p, the speed
-        at which a breaking bar lets go.
+        A node's margin is 0.45 of a module plus twice the way that it and the body go in that time
+        (bounded by the sum of its velocity's components): a node may be accelerated meanwhile, at
+        most to about the wave speed times eps_p, the speed at which a breaking bar lets go. Where
+        more nodes are near than the list holds, ``count`` tells: see ``refuse_more``.
         """
-        found = np.zeros(self.capacity, dtype=np.int32)
-        count = np.zeros(1, dtype=np.int32)
-        self._find(now, self.dynamics.lattice.spacing, reach, approach, found, count)
-        self.set_nodes(found, int(count[0]))
+        self._list(now, self.dynamics.lattice.spacing, reach)
 
     @ti.kernel
-    def _find(
-        self,
-        now: int,
-        spacing: float,
-        reach: float,
-        approach: float,
-        found: ti.types.ndarray(),
-        count: ti.types.ndarray(),
-    ):
-        nz, ny, nx = ti.static(self.dynamics.sites)
-        owned = ti.static((HALO, HALO + self.dynamics.lanes.length))
-        for k, j, m in ti.ndrange((1, nz - 1), (1, ny - 1), owned):
-            for lane in ti.static(range(self.dynamics.lanes.width)):
+    def _list(self, now: int, spacing: float, reach: float):
+        nz, ny = ti.static(self.dynamics.sites[:2])
+        for k, j, word in ti.ndrange((1, nz - 1), (1, ny - 1), self.words):
+            self.mark(now, k, j, word, spacing, reach)
+        for row in range(self.ends.shape[0]):
+            near = 0
+            for word in range(row * self.row_words(), (row + 1) * self.row_words()):
+                bits = self.marks[word]
+                while bits != 0:
+                    near += 1
+                    bits &= bits - 1
+            self.ends[row] = near
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            self.number_rows()
+        for row in range(self.ends.shape[0]):
+            self.write_row(row)
+        if ti.static(self.keeps):
+            for chunk in range(self.turns()):
+                if chunk >= self.chunks():
+                    self.chunk_sums[chunk][1] = 0.0  # of nodes that are no longer listed
+
+    @ti.func
+    def row_words(self):
+        """Words of marks of a row."""
+        return ti.static(self.dynamics.lanes.width * self.words)
+
+    @ti.func
+    def mark(self, now, k, j, word, spacing, reach):
+        """Mark the nodes of a piece of a row, in every lane, that are near."""
+        nz, ny, _ = ti.static(self.dynamics.sites)
+        begin, approach = HALO + word * WORD, self.approach()
+        for lane in ti.static(range(self.dynamics.lanes.width)):
+            near = ti.Vector.zero(ti.i32, 2)
+            for m in range(begin, ti.min(begin + WORD, HALO + self.dynamics.lanes.length)):
                 i = self.dynamics.site_of(m, lane)
-                mass = self.dynamics.mass[int(self.dynamics.code[k, j, m][lane])]
                 for s in ti.static((CORNER, CENTRE)):
                     moved = ti.Vector.zero(ti.f64, 3)
                     speed = approach
@@ -235,10 +353,48 @@ class RigidBody:
                         moved[axis] = self.dynamics.displacement[s][axis][now, k, j, m][lane]
                         speed += ti.abs(self.dynamics.velocity[s][axis][k, j, m][lane])
                     margin = 0.45 * spacing + 2 * reach * speed
+                    mass = self.dynamics.mass[int(self.dynamics.code[k, j, m][lane])]
                     if mass[s] > 0 and self.near(self.rest(s, k, j, i, spacing) + moved, margin):
-                        place = ti.atomic_add(count[0], 1)
-                        if place < found.shape[0]:
-                            found[place] = ((s * nz + k) * ny + j) * nx + i
+                        near[s] |= 1 << (m - begin)
+            for s in ti.static((CORNER, CENTRE)):
+                row = (s * nz + k) * ny + j
+                self.marks[row * self.row_words() + lane * self.words + word] = near[s]
+
+    @ti.func
+    def number_rows(self):
+        """Make of every row's count the number after its last node."""
+        rows = ti.static(self.ends.shape[0])
+        end = 0
+        for batch in range((rows + self.batch - 1) // self.batch):
+            first = batch * self.batch
+            counts = [self.ends[ti.min(first + n, rows - 1)] for n in ti.static(range(self.batch))]
+            for n in ti.static(range(self.batch)):
+                if first + n < rows:
+                    end += counts[n]
+                    self.ends[first + n] = end
+        self.count[0] = ti.min(end, self.capacity)
+        self.count[1] = ti.max(end, self.count[1])
+
+    @ti.func
+    def write_row(self, row):
+        """Write a row's nodes into the list, ascending, with their velocities."""
+        nz, ny, nx = ti.static(self.dynamics.sites)
+        number = 0
+        if row > 0:
+            number = self.ends[row - 1]
+        for at in range(self.row_words()):
+            bits = self.marks[row * self.row_words() + at]
+            lane, m = at // self.words, HALO + at % self.words * WORD
+            while bits != 0:
+                if bits & 1 != 0 and number < self.capacity:
+                    i = self.dynamics.site_of(m, lane)
+                    self.nodes[number] = row * nx + i
+                    self.before[number] = self.dynamics.node_velocity(
+                        row // (nz * ny), row // ny % nz, row % ny, i
+                    )
+                    number += 1
+                bits = bits >> 1
+                m += 1
 
     @ti.func
     def book(self, impulse, plate_before, before, after):
@@ -258,8 +414,14 @@ class RigidBody:
             s, k, j, i = self.place(number)
             self.before[number] = self.dynamics.node_velocity(s, k, j, i)
 
+    @ti.kernel
+    def _add_up(self):
+        self.add_up()
+
     def collected(self) -> npt.NDArray[np.float64]:
         """The four sums (see ``sums``)."""
+        if self.keeps:
+            self._add_up()
         return self.sums.to_numpy()
 
 
@@ -314,7 +476,7 @@ class RoundBody(RigidBody):
         Few nodes are near it: on the CPU one thread is faster than waking the others.
         """
         ti.loop_config(serialize=self.dynamics.on_cpu)
-        for chunk in range(self.chunks()):
+        for chunk in range(self.turns()):
             works = vec3d(0.0, 0.0, 0.0)
             displacement = self.reached(time_step)
             for number in range(chunk * CHUNK, self.chunk_end(chunk)):
@@ -326,7 +488,8 @@ class RoundBody(RigidBody):
                         number, s, k, j, i, now, time_step, damping, moved + depth * normal
                     )
                 self.before[number] = self.dynamics.node_velocity(s, k, j, i)
-            self.chunk_sums[chunk] = ti.Vector([works[0], works[1], works[2], 0.0], ti.f64)
+            if chunk < self.chunks():
+                self.settle(chunk, works)
 
 
 @ti.data_oriented
@@ -343,6 +506,8 @@ class Striker(RoundBody):
         state: (4,) f64: displacement (m), velocity at n + 1/2 and n - 1/2 (m/s), trial change of
             velocity (m/s), positive towards the plate.
     """
+
+    answers = True
 
     def __init__(self, dynamics: Dynamics, scene: StrikerScene, time_step: float):
         lattice = dynamics.lattice
@@ -374,6 +539,11 @@ class Striker(RoundBody):
         return self.distance(position, self.state[DISPLACEMENT]) < margin
 
     @ti.func
+    def approach(self):
+        """The striker's speed, m/s."""
+        return ti.cast(ti.abs(self.state[VELOCITY]), float)
+
+    @ti.func
     def free_velocity(self, time_step):
         """The striker's velocity half a step from now if it touches nothing, m/s."""
         return self.state[VELOCITY] + ti.cast(time_step, ti.f64) * self.numbers[GRAVITY]
@@ -390,7 +560,7 @@ class Striker(RoundBody):
         """Put penetrating nodes on the surface and stop the striker by as much."""
         dt = ti.cast(time_step, ti.f64)
         ti.loop_config(serialize=self.dynamics.on_cpu)
-        for chunk in range(self.chunks()):
+        for chunk in range(self.turns()):
             # with every touching node on the surface: M dV = sum(m (depth - n_z dt dV) n_z) / dt
             driven, inertia = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
             flight = self.state[DISPLACEMENT] + dt * self.free_velocity(time_step)
@@ -398,7 +568,7 @@ class Striker(RoundBody):
                 depth, normal = self.overlap(number, now, spacing, flight)
                 if depth > 0:
                     s, k, j, i = self.place(number)
-                    mass = ti.cast(self.dynamics.node_mass(s, k, j, i), ti.f64)
+                    mass = self.inertia(s, k, j, i, time_step, damping)
                     driven += mass * depth * normal.z / dt
                     inertia += mass * normal.z**2
             self.chunk_sums[chunk] = ti.Vector([driven, inertia, 0.0, 0.0], ti.f64)
@@ -458,9 +628,7 @@ class Supports(RoundBody):
     def resolve(self, now, spacing, time_step, damping):
         """Put penetrating nodes on the supports, which nothing moves."""
         self.push_out(now, spacing, time_step, damping)
-        for _ in range(1):
-            total = self.total()
-            self.book(total[0], total[1], total[1], total[2])
+        self.book_settled()
 
 
 @ti.data_oriented
@@ -493,7 +661,7 @@ class Rings(RigidBody):
         through = max(len(fixed) * dynamics.sites[0], 10_000)
         capacity = min(through, nodes) if self.moving else len(fixed)
         super().__init__(dynamics, numbers, capacity)
-        self.set_nodes(fixed, len(fixed))
+        self.set_nodes(fixed)
 
     @staticmethod
     def _fixed(
@@ -543,7 +711,7 @@ class Rings(RigidBody):
     @ti.func
     def resolve(self, now, spacing, time_step, damping):
         """Hold the nodes that press against a ring, or the fixed ones, where they were."""
-        for chunk in range(self.chunks()):
+        for chunk in range(self.turns()):
             works = vec3d(0.0, 0.0, 0.0)
             for number in range(chunk * CHUNK, self.chunk_end(chunk)):
                 s, k, j, i = self.place(number)
@@ -556,11 +724,9 @@ class Rings(RigidBody):
                 if held:
                     works += self.put(number, s, k, j, i, now, time_step, damping, target)
                 self.before[number] = self.dynamics.node_velocity(s, k, j, i)
-            self.chunk_sums[chunk] = ti.Vector([works[0], works[1], works[2], 0.0], ti.f64)
-        ti.loop_config(serialize=True)
-        for _ in range(1):
-            total = self.total()
-            self.book(total[0], total[1], total[1], total[2])
+            if chunk < self.chunks():
+                self.settle(chunk, works)
+        self.book_settled()
 
 
 @ti.data_oriented
@@ -589,7 +755,7 @@ class Grips(RigidBody):
         super().__init__(dynamics, (grips.velocity, grips.ramp, cosine, sine), len(nodes))
         self.state = field_apart(ti.f64, 1)
         self.scene = grips
-        self.set_nodes(nodes, len(nodes))
+        self.set_nodes(nodes)
 
     def separation_at(self, at: float) -> float:
         """How far the grips have moved apart at a time (s), m."""
@@ -618,7 +784,7 @@ class Grips(RigidBody):
         ti.loop_config(serialize=True)
         for _ in range(1):
             self.state[0] = self.state[0] + 1
-        for chunk in range(self.chunks()):
+        for chunk in range(self.turns()):
             works = vec3d(0.0, 0.0, 0.0)
             direction = vec3d(self.numbers[COSINE], self.numbers[SINE], 0.0)
             half = 0.5 * self.separation(self.state[0] * ti.cast(time_step, ti.f64))
@@ -635,8 +801,6 @@ class Grips(RigidBody):
                 gained[0] *= 0.5 * sign
                 works += gained
                 self.before[number] = self.dynamics.node_velocity(s, k, j, i)
-            self.chunk_sums[chunk] = ti.Vector([works[0], works[1], works[2], 0.0], ti.f64)
-        ti.loop_config(serialize=True)
-        for _ in range(1):
-            total = self.total()
-            self.book(total[0], total[1], total[1], total[2])
+            if chunk < self.chunks():
+                self.settle(chunk, works)
+        self.book_settled()

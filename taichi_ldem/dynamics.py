@@ -102,6 +102,9 @@ STRIPS_PER_THREAD = 2
 ROWS_PER_STRIP = 4
 """Fewest rows of a strip: two more are evaluated by both neighbours."""
 
+PIECE = 16
+"""Columns of a row that one thread of a GPU sums up."""
+
 TURNS = 512
 """Taichi hands a CPU thread at least this many turns of a parallel loop."""
 
@@ -182,8 +185,10 @@ class Dynamics:
         modulus: [bar] S, Young's modulus over the mean (with disorder of it).
         own_mass, own_inverse_mass: [sublattice] S, kg, 1/kg (with disorder of density).
         damped: [sublattice] S, energy lost by damping at each node, J (with damping).
-        moving: (ny + 3,) 2-vectors in f64: kinetic energy and energy lost by damping of a row at
-            t_n, J, of the last measured step.
+        moving: 2-vectors in f64: kinetic energy and energy lost by damping at t_n, J, of the last
+            measured step; one for each row j, or on a GPU for each piece of a row (j, k).
+        kept: [sublattice][axis] (strips, nz + 3, columns), velocities of the row that a measured
+            step moves, as they were before it (in strips).
     """
 
     def __init__(
@@ -213,7 +218,14 @@ class Dynamics:
         ring = (self.strips, rows, nz, self.lanes.columns)
         self.axial = [self._field(*ring) for _ in range(BARS_PER_SITE)]
         self.code = field_apart(ti.u8, self.shape, self.lanes.width)
-        self.moving = field_apart(ti.f64, ny, 2)
+        self.pieces, self.piece = 1, self.lanes.length
+        if self.in_strips:
+            kept = (self.strips, nz, self.lanes.columns)
+            self.kept = [[self._field(*kept) for _ in "xyz"] for _ in "ab"]
+            self.moving = field_apart(ti.f64, ny, 2)
+        else:
+            self.pieces, self.piece = -(-self.lanes.length // PIECE), PIECE
+            self.moving = field_apart(ti.f64, ny * nz * self.pieces, 2)
         self.stiffness = ti.Vector.field(7, float, shape=256)
         self.mass = ti.Vector.field(2, float, shape=256)
         self.inverse_mass = ti.Vector.field(2, float, shape=256)
@@ -326,22 +338,30 @@ class Dynamics:
         stored = self.lanes.spread(np.moveaxis(peak, -1, 0))
         for field, values in zip(self.peak, stored, strict=True):
             field.from_numpy(values.astype(self.numpy_float()))
-        touched = (stored > 1).any(axis=(0, -1)) | (self.touched.to_numpy() != 0)
+        self._touch(stored)
+
+    def _touch(self, peak: npt.NDArray) -> None:
+        """Mark the columns with a bar beyond its eps_p, from (14, *S) peak strains over it."""
+        touched = (peak > 1).any(axis=(0, -1)) | (self.touched.to_numpy() != 0)
         self.touched.from_numpy(touched.astype(np.uint8))
 
-    EVOLVING = ("velocity", "peak", "touched", "recorded", "damped")
+    EVOLVING = ("velocity", "peak", "recorded", "damped")
     """Fields that carry the state from one step to the next, where a scene has them, beside the
-    displacement at ``now``: the bar forces and the other buffer are overwritten in every step."""
+    displacement at ``now``: the bar forces and the other buffer are overwritten in every step, and
+    ``touched`` follows from the peak strains."""
 
     def saved_state(self, now: int) -> dict[str, npt.NDArray]:
-        """Copies of what the next step starts from, between two steps, as it is stored."""
+        """Copies of what the next step starts from, between two steps: (fields of a name, *sites).
+
+        As the lattice has them, not as they lie in lanes, which are of the machine.
+        """
         fields = self.fields()
         saved = {
-            name: np.stack([field.to_numpy() for field in fields[name]])
+            name: np.stack([self.lanes.gather(field.to_numpy()) for field in fields[name]])
             for name in self.EVOLVING
             if name in fields
         }
-        moved = [field.to_numpy()[now] for field in fields["displacement"]]
+        moved = [self.lanes.gather(field.to_numpy()[now]) for field in fields["displacement"]]
         return saved | {"displacement": np.stack(moved)}
 
     def restore_state(self, saved: Mapping[str, npt.NDArray]) -> None:
@@ -349,7 +369,9 @@ class Dynamics:
         both = {"displacement": np.stack([saved["displacement"]] * 2, axis=1)}
         for name, values in (saved | both).items():  # type: ignore[operator]
             for field, part in zip(self.fields()[name], values, strict=True):
-                field.from_numpy(np.ascontiguousarray(part))
+                field.from_numpy(self.lanes.spread(part))
+        if self.features.damage:
+            self._touch(self.lanes.spread(saved["peak"]))
 
     @staticmethod
     def numpy_float() -> type[np.floating]:
@@ -629,36 +651,52 @@ class Dynamics:
                     s, axis, strip, rows, now, k, j, m, spacing, kick, damping
                 )
                 if ti.static(measure or self.features.damping):
-                    sums += self.account(s, axis, k, j, m, after, kick, damping)
+                    before = self.velocity[s][axis][k, j, m]
+                    if ti.static(self.features.damping):
+                        lost = self.drag_loss(s, k, j, m, before, after, kick, damping)
+                        self.damped[s][k, j, m] = self.damped[s][k, j, m] + lost
+                    if ti.static(measure):
+                        sums += self.weighed(s, k, j, m, before, after, kick, damping)
                 self.velocity[s][axis][k, j, m] = after
                 self.displacement[s][axis][1 - now, k, j, m] = (
                     self.displacement[s][axis][now, k, j, m] + drift * after
                 )
-            if ti.static(measure and self.features.damping):
-                for lane in ti.static(range(self.lanes.width)):
-                    sums[1] += ti.cast(self.damped[s][k, j, m][lane], ti.f64)
+            if ti.static(measure):
+                sums += self.damped_so_far(s, k, j, m)
         self.repeat_halo(1 - now, k, j, m)
         return sums
 
     @ti.func
-    def account(self, s: ti.template(), axis: ti.template(), k, j, m, after, kick, damping):
-        """Book a column's loss by damping along an axis in this step.
+    def drag_loss(self, s: ti.template(), k, j, m, before, after, kick, damping):
+        """What a column loses by damping along an axis in a step, J."""
+        mean = 0.5 * (before + after)
+        return (damping * kick) * self.lane_masses(s, k, j, m) * mean * mean
 
-        Returns:
-            Its kinetic energy at t_n, and, negative, what of that loss belongs after t_n; J.
+    @ti.func
+    def weighed(self, s: ti.template(), k, j, m, before, after, kick, damping):
+        """A column's kinetic energy along an axis at t_n from the velocities around it.
+
+        And, negative, what of this step's loss by damping belongs after t_n; J.
         """
         mass = self.lane_masses(s, k, j, m)
-        before = self.velocity[s][axis][k, j, m]
         sums = ti.Vector.zero(ti.f64, 2)
         for lane in ti.static(range(self.lanes.width)):
             sums[0] += 0.5 * mass[lane] * before[lane] * after[lane]
         if ti.static(self.features.damping):
             mean = 0.5 * (before + after)
-            lost = (damping * kick) * mass * mean * mean
-            self.damped[s][k, j, m] = self.damped[s][k, j, m] + lost
+            lost = self.drag_loss(s, k, j, m, before, after, kick, damping)
             half = (0.5 * damping * kick) * mass * mean * before - lost
             for lane in ti.static(range(self.lanes.width)):
                 sums[1] += half[lane]
+        return sums
+
+    @ti.func
+    def damped_so_far(self, s: ti.template(), k, j, m):
+        """What a column has lost by damping, this step's loss included, as the second sum, J."""
+        sums = ti.Vector.zero(ti.f64, 2)
+        if ti.static(self.features.damping):
+            for lane in ti.static(range(self.lanes.width)):
+                sums[1] += ti.cast(self.damped[s][k, j, m][lane], ti.f64)
         return sums
 
     @ti.func
@@ -679,24 +717,43 @@ class Dynamics:
                     ][axis][now, k, j, m][lane]
 
     @ti.func
-    def move_row(self, strip, j, now, spacing, kick, drift, damping, measure: ti.template()):
-        """Pass 2 for a row of nodes."""
+    def move_row(self, strip, j, now, spacing, kick, drift, damping, measure):
+        """Pass 2 for a row of a strip; ``measure`` is asked once a row, so it costs no kernel."""
+        if measure != 0:
+            self.keep_row(strip, j)
         rows = ti.Vector([self.row_place(j + offset) for offset in ti.static((-1, 0, 1))])
+        for k in range(1, self.sites[0] - 1):
+            for m in range(HALO, HALO + self.lanes.length):
+                self.move_column(strip, rows, now, k, j, m, spacing, kick, drift, damping, False)
+        if measure != 0:
+            self.weigh_row(strip, j, kick, damping)
+
+    @ti.func
+    def keep_row(self, strip, j):
+        """Remember a row's velocities."""
+        for k in range(1, self.sites[0] - 1):
+            for m in range(HALO, HALO + self.lanes.length):
+                for s, axis in ti.static(NODE_AXES):
+                    self.kept[s][axis][strip, k, m] = self.velocity[s][axis][k, j, m]
+
+    @ti.func
+    def weigh_row(self, strip, j, kick, damping):
+        """Sum up kinetic energy and losses of a row that has just been moved."""
         sums = ti.Vector.zero(ti.f64, 2)
         for k in range(1, self.sites[0] - 1):
             for m in range(HALO, HALO + self.lanes.length):
-                column = self.move_column(
-                    strip, rows, now, k, j, m, spacing, kick, drift, damping, measure
-                )
-                if ti.static(measure):
-                    sums += column
-        if ti.static(measure):
-            self.moving[j] = sums
+                column = ti.Vector.zero(ti.f64, 2)
+                for s in ti.static((CORNER, CENTRE)):
+                    for axis in ti.static(range(3)):
+                        before = self.kept[s][axis][strip, k, m]
+                        after = self.velocity[s][axis][k, j, m]
+                        column += self.weighed(s, k, j, m, before, after, kick, damping)
+                    column += self.damped_so_far(s, k, j, m)
+                sums += column
+        self.moving[j] = sums
 
     @ti.func
-    def step_strip(
-        self, strip, now, spacing, kick, drift, damping, peak_strain, measure: ti.template()
-    ):
+    def step_strip(self, strip, now, spacing, kick, drift, damping, peak_strain, measure):
         """Both passes for a strip of rows, a row of bars ahead of the nodes."""
         inner, strips = ti.static(self.sites[1] - 2, self.strips)
         begin, end = 1 + inner * strip // strips, 1 + inner * (strip + 1) // strips
@@ -705,8 +762,51 @@ class Dynamics:
             if j > begin:
                 self.move_row(strip, j - 1, now, spacing, kick, drift, damping, measure)
 
+    @ti.func
+    def piece_end(self, piece):
+        """Column after the last of a piece of a row."""
+        return HALO + ti.min((piece + 1) * self.piece, self.lanes.length)
+
+    @ti.func
+    def whole_passes(self, now, spacing, kick, drift, damping, peak_strain, measure: ti.template()):
+        """A step in two launches; with ``measure`` a thread sums up a piece of a row."""
+        nz, ny, _ = ti.static(self.sites)
+        begin, end = ti.static(HALO, HALO + self.lanes.length)
+        for j, k, m in ti.ndrange((1, ny - 1), (1, nz - 1), (begin - 1, end + 1)):
+            self.column_forces(0, j, now, k, j, m, spacing, peak_strain)
+        if ti.static(measure):
+            for j, k, piece in ti.ndrange((1, ny - 1), (1, nz - 1), self.pieces):
+                rows = ti.Vector([j - 1, j, j + 1])
+                sums = ti.Vector.zero(ti.f64, 2)
+                for m in range(begin + piece * self.piece, self.piece_end(piece)):
+                    sums += self.move_column(
+                        0, rows, now, k, j, m, spacing, kick, drift, damping, True
+                    )
+                self.moving[(j * nz + k) * self.pieces + piece] = sums
+        else:
+            for j, k, m in ti.ndrange((1, ny - 1), (1, nz - 1), (begin, end)):
+                rows = ti.Vector([j - 1, j, j + 1])
+                self.move_column(0, rows, now, k, j, m, spacing, kick, drift, damping, False)
+
     @ti.kernel
-    def step(
+    def _step_in_strips(
+        self,
+        now: int,
+        spacing: float,
+        kick: float,
+        drift: float,
+        damping: float,
+        peak_strain: float,
+        measure: int,
+    ):
+        for turn in range(self.strips * TURNS):
+            if turn % TURNS == 0:
+                self.step_strip(
+                    turn // TURNS, now, spacing, kick, drift, damping, peak_strain, measure
+                )
+
+    @ti.kernel
+    def _step_in_passes(
         self,
         now: int,
         spacing: float,
@@ -716,34 +816,21 @@ class Dynamics:
         peak_strain: float,
         measure: ti.template(),
     ):
+        self.whole_passes(now, spacing, kick, drift, damping, peak_strain, measure)
+
+    def step(self, now: int, kick: float, drift: float, damping: float, measure: bool) -> None:
         """Take a step: bar forces at ``now``, then the nodes.
 
         Velocities change by the time ``kick``, displacements, into the other buffer, by the time
-        ``drift``, s; both are the time step in a run.
+        ``drift``, s; both are the time step in a run. With ``measure`` kinetic energy and losses by
+        damping at t_n are summed up (``moving``).
         """
-        nz, ny, _ = ti.static(self.sites)
-        owned = ti.static((HALO, HALO + self.lanes.length))
-        if ti.static(self.in_strips):
-            for turn in range(self.strips * TURNS):
-                if turn % TURNS == 0:
-                    self.step_strip(
-                        turn // TURNS, now, spacing, kick, drift, damping, peak_strain, measure
-                    )
-        else:
-            for j, k, m in ti.ndrange((1, ny - 1), (1, nz - 1), (owned[0] - 1, owned[1] + 1)):
-                self.column_forces(0, j, now, k, j, m, spacing, peak_strain)
-            if ti.static(measure):
-                for j in range(1, ny - 1):
-                    self.move_row(0, j, now, spacing, kick, drift, damping, measure)
-            else:
-                for j, k, m in ti.ndrange((1, ny - 1), (1, nz - 1), owned):
-                    rows = ti.Vector([j - 1, j, j + 1])
-                    self.move_column(0, rows, now, k, j, m, spacing, kick, drift, damping, measure)
+        take = self._step_in_strips if self.in_strips else self._step_in_passes
+        take(now, self.lattice.spacing, kick, drift, damping, self.peak_strain, measure)
 
     def kick(self, now: int, time_step: float, damping: float = 0.0) -> None:
         """Add a time step's worth of bar forces to the velocities and move nothing."""
-        d = self
-        d.step(now, d.lattice.spacing, time_step, 0.0, damping, d.peak_strain, False)
+        self.step(now, time_step, 0.0, damping, False)
 
     # -- single nodes
     # -------------------------------------------------------------------------------------

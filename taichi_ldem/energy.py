@@ -8,6 +8,7 @@ central differences conserve the discrete energy of a linear lattice exactly.
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 import taichi as ti
 
 from taichi_ldem.dynamics import STIFFNESS_KIND, Dynamics, field_apart
@@ -15,6 +16,9 @@ from taichi_ldem.lanes import HALO
 from taichi_ldem.lattice import BARS_PER_SITE
 
 STRAIN, FRACTURE, BROKEN, KINETIC, DAMPED = range(5)
+
+GROUP = 128
+"""Pieces of rows whose sums one thread of a GPU adds up."""
 
 
 @dataclass(frozen=True)
@@ -72,18 +76,24 @@ class Ledger:
 
 @ti.data_oriented
 class EnergySums:
-    """Partial sums of the plate's energies, a row of sites each, added up on the host.
+    """Sums of the plate's energies, added up on the device one after the other.
 
-    Kinetic energy and losses by damping come from a measured step (``Dynamics.moving``).
+    Kinetic energy and losses by damping come from a measured step (``Dynamics.moving``). On a GPU,
+    where one thread is slow, rows are cut into pieces and added up in groups.
 
     Attributes:
-        rows: (rows,) 3-vectors in f64: strain, fracture (J), broken bars.
+        rows: 3-vectors in f64, one for each row of sites or piece of it: strain, fracture (J),
+            broken bars.
+        group_sums: 5-vectors in f64, as ``total`` returns them.
     """
 
     def __init__(self, dynamics: Dynamics):
         self.dynamics = dynamics
         nz, ny, _ = dynamics.sites
-        self.rows = field_apart(ti.f64, nz * ny, 3)
+        self.rows = field_apart(ti.f64, nz * ny * dynamics.pieces, 3)
+        rows = max(part.shape[0] for part in (self.rows, dynamics.moving))
+        self.group = rows if dynamics.on_cpu else GROUP
+        self.group_sums = field_apart(ti.f64, -(-rows // self.group), 5)
 
     @ti.func
     def bar_energy(self, bar: ti.template(), e, k, j, m, lane, spacing, peak_strain):
@@ -112,11 +122,13 @@ class EnergySums:
     @ti.kernel
     def _potential(self, now: int, spacing: float, peak_strain: float):
         nz, ny, _ = ti.static(self.dynamics.sites)
-        for row in range(nz * ny):
+        for row in range(self.rows.shape[0]):
             total = ti.Vector.zero(ti.f64, 3)
-            k, j = row // ny, row % ny
+            k, j = row // self.dynamics.pieces // ny, row // self.dynamics.pieces % ny
+            piece = row % self.dynamics.pieces
             if k > 0 and j > 0 and k < nz - 1 and j < ny - 1:
-                for m in range(HALO, HALO + self.dynamics.lanes.length):
+                begin = HALO + piece * self.dynamics.piece
+                for m in range(begin, self.dynamics.piece_end(piece)):
                     for bar in ti.static(range(BARS_PER_SITE)):
                         q = self.dynamics.stretch(bar, now, k, j, m, spacing)
                         strain = self.dynamics.strain(q)
@@ -131,7 +143,39 @@ class EnergySums:
         d = self.dynamics
         self._potential(now, d.lattice.spacing, d.peak_strain)
 
-    def total(self) -> np.ndarray:
-        """(5,) sums over the rows: strain, fracture, broken bars, kinetic, damped."""
-        parts = (self.rows, self.dynamics.moving)
-        return np.concatenate([part.to_numpy().sum(axis=0) for part in parts])
+    @ti.func
+    def add_up(self):
+        """Add up the rows of each group, in their order."""
+        for group in range(self.group_sums.shape[0]):
+            first = group * self.group
+            bars, nodes = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 2)
+            for row in range(first, ti.min(first + self.group, self.rows.shape[0])):
+                bars += self.rows[row]
+            for row in range(first, ti.min(first + self.group, self.dynamics.moving.shape[0])):
+                nodes += self.dynamics.moving[row]
+            self.group_sums[group] = ti.Vector(
+                [bars[0], bars[1], bars[2], nodes[0], nodes[1]], ti.f64
+            )
+
+    @ti.func
+    def sums(self):
+        """Sum over the groups, in their order; for one thread."""
+        total = ti.Vector.zero(ti.f64, 5)
+        for group in range(self.group_sums.shape[0]):
+            total += self.group_sums[group]
+        return total
+
+    @ti.kernel
+    def _total(self, values: ti.types.ndarray()):
+        self.add_up()
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            total = self.sums()
+            for n in ti.static(range(5)):
+                values[n] = total[n]
+
+    def total(self) -> npt.NDArray[np.float64]:
+        """(5,) sums over the plate: strain, fracture, broken bars, kinetic, damped."""
+        values = np.zeros(5)
+        self._total(values)
+        return values

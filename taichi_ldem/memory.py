@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import os
+import sys
 from pathlib import Path
 
 from taichi_ldem.disorder import varies
@@ -69,6 +70,11 @@ def needed_bytes(scene: Scene) -> int:
     return int(BASE + field_bytes(scene) + _scalar_bytes(scene) + HOST * sites)
 
 
+VULKAN_LIMIT = 2**32
+"""Bytes of all fields together that Taichi reaches on Vulkan: it counts them in 32 bits, and beyond
+that writes over what was first."""
+
+
 def available_bytes() -> int | None:
     """Bytes that can be taken without swapping, within the limits of a container or a job.
 
@@ -81,6 +87,12 @@ def available_bytes() -> int | None:
 
 def refuse_too_large(scene: Scene) -> None:
     """Raise SceneError where a scene's lattice does not fit into memory."""
+    fields = field_bytes(scene) + _scalar_bytes(scene)
+    if scene.solver.arch == "vulkan" and fields >= VULKAN_LIMIT:
+        raise SceneError(
+            f'solver.arch = "vulkan": the lattice needs {fields:,} bytes, Taichi reaches 4 GiB '
+            'there; take fewer modules or "cuda" or "cpu"'
+        )
     free, needed = available_bytes(), needed_bytes(scene)
     if free is None or needed <= free:
         return
@@ -127,3 +139,13 @@ def _limit_of_process() -> int | None:
             taken = int(Path("/proc/self/statm").read_text().split()[0])
             return max(limit - taken * resource.getpagesize(), 0)
     return None
+
+
+def peak_bytes() -> int | None:
+    """Largest resident memory of this process so far, bytes; None where the system does not say."""
+    if sys.platform == "win32":
+        return None
+    import resource
+
+    largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return largest if sys.platform == "darwin" else 1024 * largest

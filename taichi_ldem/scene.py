@@ -23,7 +23,7 @@ from pydantic import (
     field_validator,
     model_validator,
 )
-from pydantic_core import ErrorDetails, PydanticCustomError
+from pydantic_core import ErrorDetails, PydanticCustomError, PydanticKnownError
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -81,6 +81,21 @@ Flag = Annotated[bool, Field(strict=True)]
 Axis = Literal["x", "y", "z"]
 
 
+LAW_NAMES = ["bilinear", "exponential"]
+"""Softening laws that ``material.law`` may name; ``laws.register`` adds to them."""
+
+
+def _known_law(name: str) -> str:
+    if name in LAW_NAMES:
+        return name
+    # as pydantic words it for literals
+    *most, last = (repr(law) for law in LAW_NAMES)
+    raise PydanticKnownError("literal_error", {"expected": f"{', '.join(most)} or {last}"})
+
+
+LawName = Annotated[str, Field(strict=True), AfterValidator(_known_law)]
+
+
 def _refuse(key: str, value: object, why: str) -> ValueError:
     """The error of a check of our own: it names key and value itself."""
     return ValueError(f"{key} = {_show(value)}: {why}")
@@ -94,8 +109,12 @@ class Plate(_Table):
     """The specimen: a prism of cubic modules of edge L = thickness / modules_through_thickness."""
 
     size: tuple[Positive, Positive, Positive] = Field(description="sides x, y, z (thickness), m")
-    modules_through_thickness: Annotated[int, Field(strict=True, ge=1, le=10_000)]
-    shape: Literal["rectangle", "disc", "dumbbell"] = "rectangle"
+    modules_through_thickness: Annotated[int, Field(strict=True, ge=1, le=10_000)] = Field(
+        description="cubic modules along z; their edge L is size[2] over this number"
+    )
+    shape: Literal["rectangle", "disc", "dumbbell"] = Field(
+        default="rectangle", description="outline in the plane; 'dumbbell' lies along x"
+    )
     diameter: Positive | None = Field(
         default=None,
         description="of the disc cut from the prism, centred, m; for shape = 'disc' only",
@@ -237,7 +256,9 @@ class Material(_Table):
     limit_strain: Positive | None = Field(
         default=None, description="eps_r itself, instead of Eqs. (11), (12)"
     )
-    law: Literal["bilinear", "exponential"] = "bilinear"
+    law: LawName = Field(
+        default="bilinear", description="softening: 'bilinear', 'exponential' or a registered one"
+    )
     damage: Flag = True
     fracture_areas: Literal["derived", "paper"] = Field(
         default="derived", description="which bar family has which fracture area, Eqs. (7), (8)"
@@ -318,8 +339,10 @@ class Striker(_Table):
     is wide, on a flat shaft.
     """
 
-    shape: Literal["hemisphere", "cylinder"] = "hemisphere"
-    diameter: Positive = Field(description="m")
+    shape: Literal["hemisphere", "cylinder"] = Field(
+        default="hemisphere", description="of the nose; the cylinder's axis is along y"
+    )
+    diameter: Positive = Field(description="of nose and shaft, m")
     mass: Positive = Field(description="kg")
     velocity: NonNegative = Field(description="initial, towards the plate, m/s")
     gravity: NonNegative = Field(
@@ -342,7 +365,10 @@ class Clamp(_Table):
     changed alone.
     """
 
-    kind: Literal["rings", "bonded", "rim", "free"]
+    kind: Literal["rings", "bonded", "rim", "free"] = Field(
+        description="rings that may separate; nodes of both faces between the circles fixed; all"
+        " nodes outside the inner circle fixed; not held"
+    )
     inner_diameter: Positive | None = Field(default=None, description="m; not for kind = 'free'")
     outer_diameter: Positive | None = Field(default=None, description="m; for 'rings' and 'bonded'")
 
@@ -389,7 +415,9 @@ class Pulse(_Table):
     """
 
     axis: Axis = Field(description="direction of travel, towards larger coordinates")
-    kind: Literal["longitudinal", "shear", "bar"] = "longitudinal"
+    kind: Literal["longitudinal", "shear", "bar"] = Field(
+        default="longitudinal", description="plane waves, or the mode of a bar with free sides"
+    )
     wavelength: Positive = Field(
         description="where the strain's spectrum peaks, m: 2 pi times the Gaussian's deviation"
     )
@@ -404,7 +432,7 @@ class Supports(_Table):
     """Two fixed rigid cylinders under the plate, axes along y, at x = +-span/2; no friction."""
 
     span: Positive = Field(description="between the two axes, m")
-    diameter: Positive = Field(description="m")
+    diameter: Positive = Field(description="of both cylinders, m")
 
 
 class Solver(_Table):
@@ -469,7 +497,7 @@ class Output(_Table):
 class Notch(_Table):
     """A plane of cut bars: a rectangle normal to an axis. Its bars are removed, not broken."""
 
-    normal: Axis
+    normal: Axis = Field(description="axis that the plane is normal to")
     position: Real = Field(description="of the plane along its normal, m")
     from_: tuple[Real, Real] = Field(  # `from` is a keyword
         alias="from", description="one corner: the other two coordinates in the order x, y, z, m"
@@ -525,6 +553,23 @@ class Scene(_Table):
                 return {**data, "solver": {"duration": NO_DURATION, **solver}}
         return data
 
+    @classmethod
+    def load(cls, path: str | Path, *overrides: str) -> "Scene":
+        """Read a scene file and override keys, "section.key=value" each, as ``--set`` does.
+
+        Raises:
+            SceneError: file, an override or a value is not acceptable; one line.
+        """
+        return load_scene(path, overrides)
+
+    def changed(self, *overrides: str) -> "Scene":
+        """The scene with other values, "section.key=value" each, as ``--set`` takes them.
+
+        Raises:
+            SceneError: an override or a value is not acceptable; one line.
+        """
+        return _changed(self, overrides)
+
     @property
     def held(self) -> bool:
         """Whether anything holds the plate."""
@@ -547,12 +592,12 @@ class Scene(_Table):
         self._check_pulse()
         self._check_supports()
         self._check_output()
+        self._check_vulkan()
         for number, notch in enumerate(self.notch):
             self._check_notch(f"notch[{number}]", notch)
         if self.output.field_interval is None:
             # resolved here, once: the default depends on another table
-            interval = max(self.solver.duration / 10, self.output.history_interval)
-            output = self.output.model_copy(update={"field_interval": interval})
+            output = self.output.model_copy(update={"field_interval": self._field_interval})
             object.__setattr__(self, "output", output)
         return self
 
@@ -561,6 +606,16 @@ class Scene(_Table):
         if 0 < length < self.plate.spacing:
             why = f"must be at least {self.plate.spacing:.6g}, one module, or 0: none"
             raise _refuse("disorder.correlation_length", length, why)
+
+    def _check_vulkan(self) -> None:
+        solver, law = self.solver, self.material.law
+        if (solver.arch, solver.precision, law) == ("vulkan", "f64", "exponential"):
+            why = 'Vulkan has no exp in f64, use "bilinear" or solver.precision = "f32"'
+            raise _refuse("material.law", law, why)
+
+    @property
+    def _field_interval(self) -> float:
+        return max(self.solver.duration / 10, self.output.history_interval)
 
     def _check_clamp(self) -> None:
         if self.clamp is None or self.clamp.kind == "free":
@@ -607,12 +662,18 @@ class Scene(_Table):
             longest = self.plate.size[0] / 2 - spacing
             why = f"must be at most {longest:.6g}, which leaves two modules between the grips"
             raise _refuse("grips.length", grips.length, why)
-        gauge = max(between / 2, 2 * spacing) if grips.gauge_length is None else grips.gauge_length
+        gauge = self._gauge_length if grips.gauge_length is None else grips.gauge_length
         if not 2 * spacing * (1 - ROUNDING) <= gauge <= between * (1 + ROUNDING):
             why = f"must lie between two modules, {2 * spacing:.6g}, and the grips, {between:.6g}"
             raise _refuse("grips.gauge_length", gauge, why)
         # resolved here, once: the default depends on another table
         object.__setattr__(self, "grips", grips.model_copy(update={"gauge_length": gauge}))
+
+    @property
+    def _gauge_length(self) -> float:
+        assert self.grips is not None
+        between = self.plate.size[0] - 2 * self.grips.length
+        return max(between / 2, 2 * self.plate.spacing)
 
     def _check_pulse(self) -> None:
         pulse = self.pulse
@@ -740,22 +801,39 @@ def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
         SceneError: file, an override or a value is not acceptable; one line.
     """
     path = Path(path)
-    data = load_tables(path, overrides)
-    keys = {".".join(_parse_override(text).path) for text in overrides}
-    return parse_scene(data, path.name, keys)
+    return _overridden(_read(path), path.name, overrides)
 
 
 def load_tables(path: str | Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
     """The tables of a scene file with overrides, not validated; else as `load_scene`."""
-    data = _read(Path(path))
-    for change in [_parse_override(text) for text in overrides]:
-        _apply(data, change)
-    return data
+    return _changed_tables(_read(Path(path)), [_parse_override(text) for text in overrides])
 
 
 def override_value(text: str) -> object:
     """The value of an override `section.key=value`; SceneError as `load_scene`."""
     return _parse_override(text).value
+
+
+def _changed_tables(data: dict[str, Any], changes: "Sequence[_Override]") -> dict[str, Any]:
+    for change in changes:
+        _apply(data, change)
+    return data
+
+
+def _overridden(data: dict[str, Any], name: str, overrides: Sequence[str]) -> Scene:
+    changes = [_parse_override(text) for text in overrides]
+    keys = {".".join(change.path) for change in changes}
+    return parse_scene(_changed_tables(data, changes), name, keys)
+
+
+def _changed(scene: Scene, overrides: Sequence[str]) -> Scene:
+    data = scene.model_dump(by_alias=True, exclude_none=True)
+    # defaults that hang on other keys follow these
+    if scene.output.field_interval == scene._field_interval:
+        del data["output"]["field_interval"]
+    if scene.grips is not None and scene.grips.gauge_length == scene._gauge_length:
+        del data["grips"]["gauge_length"]
+    return _overridden(data, "scene", overrides)
 
 
 def parse_scene(

@@ -12,10 +12,13 @@ import taichi as ti
 
 from taichi_ldem import disorder, stability
 from taichi_ldem.contact import (
+    DISPLACEMENT,
     IMPULSE,
     LOSS_AFTER,
     LOSS_BEFORE,
     PLATE_BEFORE,
+    VELOCITY,
+    VELOCITY_BEFORE,
     Grips,
     RigidBody,
     Rings,
@@ -23,7 +26,7 @@ from taichi_ldem.contact import (
     Supports,
     TooManyNodes,
 )
-from taichi_ldem.dynamics import Dynamics, Features, field_bytes
+from taichi_ldem.dynamics import Dynamics, Features, field_apart, field_bytes
 from taichi_ldem.energy import BROKEN, DAMPED, FRACTURE, KINETIC, STRAIN, EnergySums, Ledger
 from taichi_ldem.gauge import Gauge
 from taichi_ldem.lattice import Lattice, cut_out, disc, dumbbell_half_width, prism
@@ -50,6 +53,14 @@ of one that is about to pass through zero length."""
 
 STEPS_BETWEEN_LISTS = 64
 """Steps between two listings of the nodes near a rigid body."""
+
+STEPS_A_LAUNCH = 4
+"""Steps that one kernel of a GPU takes: each is compiled on its own. Even, so that the buffers are
+back in their places."""
+
+SUMS, GIVEN, NEAR = slice(0, 4), 4, 5
+"""What a sample reads of a rigid body: its sums, its losses after the last sample time before this
+step, and the most nodes that were ever near."""
 
 
 class SimulationStopped(RuntimeError):
@@ -133,7 +144,9 @@ def notch_bars(scene: Scene, lattice: Lattice) -> npt.NDArray[np.uint16]:
     return removed
 
 
-def build_dynamics(scene: Scene) -> tuple[Dynamics, dict[str, tuple[float, float]]]:
+def build_dynamics(
+    scene: Scene, in_strips: bool | None = None
+) -> tuple[Dynamics, dict[str, tuple[float, float]]]:
     """The lattice's fields and kernels with all that a scene says of its material.
 
     Returns:
@@ -154,7 +167,7 @@ def build_dynamics(scene: Scene) -> tuple[Dynamics, dict[str, tuple[float, float
         modulus=drawn.youngs_modulus is not None,
         density=drawn.density is not None,
     )
-    dynamics = Dynamics(lattice, bars, material.density, features)
+    dynamics = Dynamics(lattice, bars, material.density, features, in_strips)
     if strength is not None:
         dynamics.set_strength(strength)
     if drawn.youngs_modulus is not None:
@@ -172,12 +185,15 @@ class Simulation:
 
     Args:
         scene: what to build; Taichi must have been started for it (``backend.start``).
+        in_strips: how the step is driven, if not as suits the backend (tests).
 
     Attributes:
         dynamics: the lattice's fields and kernels.
         striker, rings, grips, gauge, supports: None where the scene has none.
         bodies: those that there are.
         drawn: mean and CV of the random factors on the material's properties, by property.
+        noted: (bodies + 1,) f64: losses of each body before a measured step, J, and the striker's
+            displacement, m.
         time_step, critical_time_step: s.
         step_number: of the next step; the displacement at ``time`` lies in buffer ``now``.
 
@@ -185,24 +201,22 @@ class Simulation:
         SceneError: K_r < 1, a clamp that holds nothing, or a time step above the critical one.
     """
 
-    def __init__(self, scene: Scene):
+    def __init__(self, scene: Scene, in_strips: bool | None = None):
         self.scene = scene
-        self.dynamics, self.drawn = build_dynamics(scene)
+        self.dynamics, self.drawn = build_dynamics(scene, in_strips)
         solver = scene.solver
         self.spacing, self.damping = self.dynamics.lattice.spacing, solver.damping
         self.peak_strain = self.dynamics.peak_strain
         self.critical_time_step = stability.critical_time_step(self.dynamics)
         self.time_step, self.sample_every = self._choose_time_step()
         self.steps = round(solver.duration / self.time_step)
-        self.has_rings, self.has_striker = scene.held, scene.striker is not None
-        self.has_supports = scene.supports is not None
         self.rings = (
             Rings(self.dynamics, scene.clamp, scene.plate) if scene.clamp and scene.held else None
         )
         self.striker = (
             Striker(self.dynamics, scene.striker, self.time_step) if scene.striker else None
         )
-        self.has_grips, angle = scene.grips is not None, math.radians(scene.plate.angle)
+        angle = math.radians(scene.plate.angle)
         self.grips = Grips(self.dynamics, scene.grips, angle) if scene.grips else None
         self.gauge = None
         if scene.grips and scene.grips.gauge_length:
@@ -211,6 +225,8 @@ class Simulation:
         parts = (self.rings, self.striker, self.grips, self.supports)
         self.bodies: list[RigidBody] = [part for part in parts if part is not None]
         self.energies = EnergySums(self.dynamics)
+        self.strikes = self.striker is not None
+        self.noted = field_apart(ti.f64, len(self.bodies) + 1)
         self.now, self.step_number = 0, 0
         self._start: Ledger | None = None
         self._last: float | None = None
@@ -243,44 +259,73 @@ class Simulation:
         """Time of the displacement in buffer ``now``, s."""
         return self.step_number * self.time_step
 
+    @ti.func
+    def _resolve(self, now, spacing, time_step, damping):
+        for n in ti.static(range(len(self.bodies))):
+            self.bodies[n].resolve(now, spacing, time_step, damping)
+
     @ti.kernel
     def _contact(self, now: int, spacing: float, time_step: float, damping: float):
-        if ti.static(self.has_rings):
-            self.rings.resolve(now, spacing, time_step, damping)  # type: ignore[union-attr]
-        if ti.static(self.has_striker):
-            self.striker.resolve(now, spacing, time_step, damping)  # type: ignore[union-attr]
-        if ti.static(self.has_grips):
-            self.grips.resolve(now, spacing, time_step, damping)  # type: ignore[union-attr]
-        if ti.static(self.has_supports):
-            self.supports.resolve(now, spacing, time_step, damping)  # type: ignore[union-attr]
+        self._resolve(now, spacing, time_step, damping)
 
-    def _step(self, measure: bool) -> None:
+    @ti.kernel
+    def _launch(
+        self,
+        now: int,
+        spacing: float,
+        time_step: float,
+        damping: float,
+        peak_strain: float,
+        steps: ti.template(),
+        measure: ti.template(),
+    ):
+        """Take steps in whole passes, all in one kernel: none waits for Python."""
+        other = 1 - now
+        for n in ti.static(range(steps)):
+            if ti.static(n % 2 == 0):
+                self._pass(now, spacing, time_step, damping, peak_strain, measure)
+            else:
+                self._pass(other, spacing, time_step, damping, peak_strain, measure)
+
+    @ti.func
+    def _pass(self, now, spacing, time_step, damping, peak_strain, measure: ti.template()):
+        self.dynamics.whole_passes(
+            now, spacing, time_step, time_step, damping, peak_strain, measure
+        )
+        self._resolve(now, spacing, time_step, damping)
+
+    def _take(self, time_step: float, steps: int = 1, measure: bool = False) -> None:
+        """Take steps from ``now``; on the CPU one."""
+        dynamics, spacing = self.dynamics, self.spacing
+        if not dynamics.in_strips:
+            self._launch(
+                self.now, spacing, time_step, self.damping, self.peak_strain, steps, measure
+            )
+            return
+        dynamics.step(self.now, time_step, time_step, self.damping, measure)
+        if self.bodies:
+            self._contact(self.now, spacing, time_step, self.damping)
+
+    def _step(self, steps: int = 1, measure: bool = False) -> None:
         if self.step_number % STEPS_BETWEEN_LISTS == 0:
             self._list_candidates()
-        dt, spacing = self.time_step, self.spacing
-        self.dynamics.step(self.now, spacing, dt, dt, self.damping, self.peak_strain, measure)
-        if self.bodies:
-            self._contact(self.now, spacing, dt, self.damping)
-        self.now = 1 - self.now
-        self.step_number += 1
+        self._take(self.time_step, steps, measure)
+        self.now = (self.now + steps) % 2
+        self.step_number += steps
 
     def _list_candidates(self) -> None:
         """List the nodes that may touch a rigid body before the next listing."""
-        bodies = [body for body in self.bodies if body.moving]
-        if not bodies:
-            return
-        approach = abs(self.striker.motion()[2]) if self.striker is not None else 0.0
-        for body in bodies:
-            body.list_nodes(
-                self.now,
-                STEPS_BETWEEN_LISTS * self.time_step,
-                approach if body is self.striker else 0.0,
-            )
+        for body in self.bodies:
+            if body.moving:
+                body.list_nodes(self.now, STEPS_BETWEEN_LISTS * self.time_step)
 
     def advance(self, steps: int) -> None:
         """Take a number of steps without looking."""
-        for _ in range(steps):
-            self._step(False)
+        end = self.step_number + steps
+        while self.step_number < end:
+            listing = STEPS_BETWEEN_LISTS - self.step_number % STEPS_BETWEEN_LISTS
+            many = min(listing, end - self.step_number) >= STEPS_A_LAUNCH
+            self._step(STEPS_A_LAUNCH if many and not self.dynamics.in_strips else 1)
 
     def start_from(
         self, displacement: npt.NDArray[np.float64], velocity: npt.NDArray[np.float64]
@@ -297,23 +342,73 @@ class Simulation:
     # -- sampling
     # -----------------------------------------------------------------------------------
 
+    @ti.kernel
+    def _note(self):
+        """Note what a measured step goes on from."""
+        for n in ti.static(range(len(self.bodies))):
+            self.bodies[n].add_up()
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            for n in ti.static(range(len(self.bodies))):
+                self.noted[n] = self.bodies[n].sums[LOSS_AFTER]
+            if ti.static(self.strikes):
+                last = ti.static(len(self.bodies))
+                self.noted[last] = self.striker.state[DISPLACEMENT]  # type: ignore[union-attr]
+
+    @ti.kernel
+    def _collect(self, values: ti.types.ndarray()):
+        """Add up what a sample needs, into one small array."""
+        self.energies.add_up()
+        for n in ti.static(range(len(self.bodies))):
+            self.bodies[n].add_up()
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            total = self.energies.sums()
+            for n in ti.static(range(5)):
+                values[0, n] = total[n]
+            for n in ti.static(range(len(self.bodies))):
+                for m in ti.static(range(4)):
+                    values[1 + n, m] = self.bodies[n].sums[m]
+                values[1 + n, GIVEN] = self.noted[n]
+                values[1 + n, NEAR] = self.bodies[n].count[1]
+            if ti.static(self.strikes):
+                last = ti.static(len(self.bodies))
+                values[1 + last, 0] = self.noted[last]
+                values[1 + last, 1] = self.striker.state[VELOCITY_BEFORE]  # type: ignore[union-attr]
+                values[1 + last, 2] = self.striker.state[VELOCITY]  # type: ignore[union-attr]
+
+    def _collected(self) -> tuple[Any, Any, tuple[float, float, float]]:
+        """Energies, numbers of every body, the striker's displacement and velocities around it.
+
+        Raises:
+            TooManyNodes: more nodes came near a body than its list holds.
+        """
+        values = np.zeros((len(self.bodies) + 2, 6))
+        self._collect(values)
+        for body, numbers in zip(self.bodies, values[1:], strict=False):
+            body.refuse_more(int(numbers[NEAR]))
+        moved, before, after = values[-1, :3].tolist()
+        return values[0], values[1:-1], (moved, before, after)
+
     def sample_step(self) -> Sample:
-        """Take one step and return the state at its start, with energies centred there."""
-        given = [float(b.collected()[LOSS_AFTER]) for b in self.bodies]
-        moved = self.striker.motion()[0] if self.striker is not None else 0.0
+        """Take one step and return the state at its start, with energies centred there.
+
+        Raises:
+            TooManyNodes: more nodes came near a body than its list holds.
+        """
         step, at = self.step_number, self.time
-        self._step(True)
+        self._note()
+        self._step(measure=True)
         self.energies.potential(1 - self.now)
-        total = self.energies.total()
-        contact = [b.collected() for b in self.bodies]
-        given = [g + float(c[LOSS_BEFORE]) for g, c in zip(given, contact, strict=True)]
+        total, contact, motion = self._collected()
+        moved, before, after = motion
+        given = [float(c[GIVEN] + c[LOSS_BEFORE]) for c in contact]
         # what grips take is no loss but their work, with the other sign
         lost = sum(g for g, b in zip(given, self.bodies, strict=True) if b is not self.grips)
         kinetic = float(total[KINETIC]) + sum(float(c[PLATE_BEFORE]) for c in contact)
         striker = self.scene.striker
         kinetic_striker = external = 0.0
-        if self.striker is not None and striker is not None:
-            _, before, after = self.striker.motion()
+        if striker is not None:
             kinetic_striker = 0.5 * striker.mass * before * after
             external = striker.mass * striker.gravity * moved
         external += lost - sum(given)
@@ -326,24 +421,48 @@ class Simulation:
             lost,
             external,
         )
-        sample = self._row(step, at, ledger, int(total[BROKEN]), moved)
+        impulses = contact[:, IMPULSE].tolist()
+        sample = self._row(step, at, ledger, int(total[BROKEN]), impulses, motion)
         self._last = at
         return sample
 
-    def _row(self, step: int, at: float, ledger: Ledger, broken: int, moved: float) -> Sample:
+    def fracture_of(self, chosen: npt.NDArray[np.bool_]) -> tuple[float, int]:
+        """What some of the bars have dissipated so far, J, and how many of them are broken.
+
+        Args:
+            chosen: (14, *S) the bars.
+        """
+        dynamics = self.dynamics
+        if not dynamics.features.damage:
+            return 0.0, 0
+        kept = [field.to_numpy() for field in dynamics.peak]
+        for field, peak, mine in zip(dynamics.peak, kept, chosen, strict=True):
+            field.from_numpy(np.where(dynamics.lanes.spread(mine), peak, 0).astype(peak.dtype))
+        self.energies.potential(self.now)
+        total = self.energies.total()
+        for field, peak in zip(dynamics.peak, kept, strict=True):
+            field.from_numpy(peak)
+        return float(total[FRACTURE]), int(total[BROKEN])
+
+    def _row(
+        self,
+        step: int,
+        at: float,
+        ledger: Ledger,
+        broken: int,
+        impulses: list[float],
+        motion: tuple[float, float, float],
+    ) -> Sample:
         if self._start is None:
             self._start = ledger
         since = at - self._last if self._last is not None else self.time_step
         forces: list[float | None] = [None, None, None, None]
         for n, body in enumerate((self.striker, self.rings, self.grips, self.supports)):
             if body is not None:
-                impulse = float(body.collected()[IMPULSE])
+                impulse = impulses[self.bodies.index(body)]
                 forces[n] = (impulse - self._impulses[n]) / since
                 self._impulses[n] = impulse
-        velocity = None
-        if self.striker is not None:
-            _, before, after = self.striker.motion()
-            velocity = 0.5 * (before + after)
+        moved, before, after = motion
         strains = self.gauge.strains(1 - self.now) if self.gauge is not None else (None, None)
         return Sample(
             at,
@@ -353,7 +472,7 @@ class Simulation:
             ledger.error_of_plate(self._start, 1e-3 * self._start.stored),
             broken,
             moved if self.striker is not None else None,
-            velocity,
+            0.5 * (before + after) if self.striker is not None else None,
             -forces[0] if forces[0] is not None else None,
             forces[1],
             self.grips.separation_at(at) if self.grips is not None else None,
@@ -383,7 +502,7 @@ class Simulation:
             except TooManyNodes as error:
                 raise self._stopped(self.step_number, str(error)) from None
             yield sample
-            self._guard(sample)
+            self.guard(sample)
 
     def _advance_to(self, step: int, between: Callable[[], None]) -> None:
         between()
@@ -392,8 +511,12 @@ class Simulation:
             self.advance(min(listing, step - self.step_number))
             between()
 
-    def _guard(self, sample: Sample) -> None:
-        """Stop at the first NaN, at too large an imbalance, or where contact gives energy."""
+    def guard(self, sample: Sample) -> None:
+        """Stop at the first NaN, at too large an imbalance, or where contact gives energy.
+
+        Raises:
+            SimulationStopped: with time, step, place and likely cause.
+        """
         ledger, start = sample.ledger, self._start
         assert start is not None
         held = max(ledger.held_by_plate, LEAST_SHARE * (start.stored + abs(ledger.external)))
@@ -467,35 +590,32 @@ class Simulation:
     def compile(self) -> None:
         """Compile every kernel that a run needs; nothing has moved afterwards."""
         self._list_candidates()
-        for measure in (False, True):
-            self._rest(measure)
         listed = [body.listed() for body in self.bodies]
         for body in self.bodies:
-            body.set_nodes(np.zeros(0, dtype=np.int32), 0)
+            body.set_nodes(np.zeros(0, dtype=np.int32))
         moved = [body for body in (self.striker, self.grips) if body is not None]
         states = [body.state.to_numpy() for body in moved]
-        if self.bodies:
-            self._contact(self.now, self.spacing, self.time_step, self.damping)
+        self._take(0.0)  # a step of no length: all the work, and nothing moves
+        if not self.dynamics.in_strips:
+            self._take(0.0, STEPS_A_LAUNCH)
+            self._take(0.0, measure=True)
         for body, state in zip(moved, states, strict=True):
             body.state.from_numpy(state)
         for body, nodes in zip(self.bodies, listed, strict=True):
-            body.set_nodes(nodes, len(nodes))
+            body.set_nodes(nodes)
+        self._note()
         self.energies.potential(self.now)
+        self._collected()
         if self.gauge is not None:
             self.gauge.strains(self.now)
         if self.dynamics.features.damage:
             self.dynamics.new_broken()
 
-    def _rest(self, measure: bool) -> None:
-        """Take a step of no length: all the work, and nothing moves."""
-        d = self.dynamics
-        d.step(self.now, self.spacing, 0.0, 0.0, 0.0, self.peak_strain, measure)
-
     def measure_step(self) -> float:
         """Seconds that a step takes here, from a few at rest; contact comes on top."""
         started = time.perf_counter()
         for _ in range(3):
-            self._rest(False)
+            self.dynamics.step(self.now, 0.0, 0.0, 0.0, False)
         ti.sync()
         return (time.perf_counter() - started) / 3
 
@@ -509,7 +629,8 @@ class Simulation:
             for name, value in vars(getattr(self, part) or object).items():
                 if isinstance(value, ti.Field):
                     sizes[f"{part}.{name}"] = field_bytes(value)
-        return sizes | {"energies.rows": field_bytes(self.energies.rows)}
+        sums = (self.energies.rows, self.energies.group_sums, self.noted)
+        return sizes | {"energies": sum(field_bytes(field) for field in sums)}
 
     # -- saving
     # -----------------------------------------------------------------------------------

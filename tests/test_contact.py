@@ -2,7 +2,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from blocks import PMMA, SPACING, block_scene
+from blocks import PMMA, SPACING, block_scene, restart
 from reference import Body
 
 from taichi_ldem import material as mat
@@ -175,6 +175,56 @@ def test_a_pressed_node_does_not_slip_and_a_lifted_one_is_free(pressed: "Simulat
         np.testing.assert_array_equal(after[held], before[held])
         assert held.any()
         assert lifted.any()
+
+
+def test_impulses_of_contact_and_damping_change_the_momentum(pressed: "Simulation") -> None:
+    """Along z, step by step, while the plate still moves; damping acts on the mean velocity."""
+    from taichi_ldem.contact import IMPULSE
+
+    s = restart(pressed)
+    body = Body(s.dynamics.lattice.mask, SPACING)
+    mass = MODULE_MASS * body.mass_shares
+
+    def state() -> tuple[np.ndarray, float]:
+        given = sum(float(b.collected()[IMPULSE]) for b in s.bodies)
+        return mass * s.dynamics.get_velocity()[body.index][:, 2], given
+
+    s.advance(200)
+    before, given = state()
+    for _ in range(20):
+        s.advance(1)
+        after, total = state()
+        damped = -s.damping * s.time_step * 0.5 * (before + after).sum()
+        impulse = total - given
+        assert abs(impulse) > 0
+        change = (after - before).sum()
+        assert change == pytest.approx(impulse + damped, abs=1e-11 * np.abs(after).sum())
+        before, given = after, total
+
+
+def test_several_steps_a_launch_are_the_same_steps(taichi: None) -> None:
+    """As a GPU takes them: whole passes, four steps a kernel, over a new listing of nodes."""
+    from taichi_ldem.simulation import STEPS_A_LAUNCH, STEPS_BETWEEN_LISTS, Simulation
+
+    scene = block_scene(
+        10,
+        10,
+        2,
+        striker={"diameter": 2e-3, "mass": 1e-4, "velocity": 5.0},
+        clamp={"kind": "rings", "inner_diameter": 3.2e-3, "outer_diameter": 4.8e-3},
+    )
+    ends = []
+    for in_strips in (True, False):
+        simulation = Simulation(scene, in_strips)
+        simulation.advance(STEPS_BETWEEN_LISTS + STEPS_A_LAUNCH + 1)
+        sample = simulation.sample_step()
+        ends.append((simulation.displacement(), simulation.striker.motion(), sample))
+    np.testing.assert_array_equal(ends[0][0], ends[1][0])
+    assert ends[0][1] == ends[1][1]
+    assert ends[0][2].striker_force == ends[1][2].striker_force > 1
+    assert ends[0][2].ring_force == ends[1][2].ring_force
+    for one, two in zip(*(vars(end[2].ledger).values() for end in ends), strict=True):
+        assert one == pytest.approx(two, rel=1e-13)  # summed in another order
 
 
 # -- bonded faces ----------------------------------------------------------------------------------

@@ -206,7 +206,7 @@ def test_whole_passes_and_strips_are_the_same_step(taichi: None, law: str | None
         assert (dynamics.lanes.width > 1) == in_strips
         dynamics.set_displacement(0, body.spread(start))
         for step in range(30):
-            dynamics.step(step % 2, SPACING, 9e-8, 9e-8, 0.0, dynamics.peak_strain, step == 29)
+            dynamics.step(step % 2, 9e-8, 9e-8, 0.0, step == 29)
         moved = np.zeros((2, *dynamics.sites, 3))
         dynamics.get_displacement(0, moved)
         ends.append((moved, dynamics.get_velocity(), dynamics.moving.to_numpy().sum(axis=0)[0]))

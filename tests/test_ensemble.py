@@ -3,6 +3,7 @@
 Where the solver is not the point, a member is a small script.
 """
 
+import io
 import json
 import os
 import shutil
@@ -16,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from rich.console import Console
 from scipy import stats
 from synthetic import synthetic_run
 
@@ -388,6 +390,45 @@ def test_workers_by_cores_and_memory(plan, monkeypatch):
         local_workers(3, 1, scenes)
 
 
+def test_an_attempt_that_raises_takes_nobody_with_it(conduct, fake, monkeypatch):
+    from taichi_ldem.ensemble import pools
+
+    def broken(task: Task, stop) -> attempts.Outcome:
+        if task.name == "velocity2":
+            raise RuntimeError("out of\nluck")
+        return attempt(task, stop)
+
+    monkeypatch.setattr(pools, "attempt", broken)
+    code, conductor = conduct(fake())
+    assert code == 5
+    assert [o.reason for o in conductor.failed] == ["RuntimeError: out of luck"]
+    assert states(conduct.folder, "velocity2") == ["failed", "failed"]
+    assert states(conduct.folder, "velocity3") == ["finished"]
+
+
+def test_an_ensemble_that_cannot_write_its_table_ends_its_children(plan, tmp_path, fake):
+    out = tmp_path / "out"
+    asked = fake(velocity2=["hang"], velocity3=["hang"])
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("taichi_ldem.ensemble.conduct.Conductor._take", full)
+        with pytest.raises(OSError, match="No space left"):
+            run(plan, out, local=3, commands=asked)
+    assert {states(out, name)[0] for name in ("velocity2", "velocity3")} == {"stopped"}
+
+
+def test_progress_on_a_terminal(conduct, fake):
+    text = io.StringIO()
+    console = Console(file=text, force_terminal=True, width=100)
+    code, _ = conduct(fake(), console=console)
+    assert code == 0
+    assert "velocity3: finished" in text.getvalue()
+    assert "3 of 3 done, 0 failed" in text.getvalue()
+
+
 def test_share_of_a_run_from_its_history(tmp_path):
     file = tmp_path / "history.csv"
     assert reached_time(file) == 0.0
@@ -539,6 +580,19 @@ def test_two_true_members_are_those_of_the_command_alone(tmp_path):
     subprocess.run([*command, *words], check=True, capture_output=True)
     member = out / MEMBERS / "velocity5" / "history.csv"
     assert member.read_bytes() == (alone / "history.csv").read_bytes()
+
+
+@pytest.mark.slow
+def test_a_worker_killed_in_the_middle(tmp_path, capsys):
+    """Slow: eight runs, four of them on a Dask cluster of two processes."""
+    pytest.importorskip("distributed")
+    from taichi_ldem.studies.cluster import main as study
+
+    words = ["--vary", "striker.velocity=3,4,5,6", "--set", "output.image_times=[]"]
+    assert study([str(SCENE), str(tmp_path), *words]) == 0
+    told = capsys.readouterr().out
+    assert "lost, its worker ended" in told
+    assert "differences between Dask and local: none" in told
 
 
 def test_command_with_fake_members(plan, tmp_path, fake, capsys, monkeypatch):

@@ -65,6 +65,15 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
+def single(scene: Path) -> RunFolder:
+    """The same run in single precision."""
+    out = scene.parent / "single"
+    done = ldem("impact", str(scene), "--out", str(out), "--precision", "f32", "--quiet")
+    assert done.returncode == 0, done.stderr
+    return RunFolder.open(out)
+
+
+@pytest.fixture(scope="module")
 def finished(scene: Path) -> RunFolder:
     done = ldem("impact", str(scene), "--out", str(scene.parent / "run"), "--threads", "1")
     assert done.returncode == 0, done.stderr
@@ -163,26 +172,28 @@ def test_the_guard_stops_an_unstable_run(scene: Path) -> None:
 
 
 @pytest.mark.skipif(not vulkan_device(), reason="no Vulkan device: apt install mesa-vulkan-drivers")
-def test_a_gpu_backend_takes_the_same_steps(scene: Path, tmp_path: Path) -> None:
-    """Whole passes on Vulkan (a software device will do) against strips on the CPU, in f32."""
-    histories = []
-    for arch in ("cpu", "vulkan"):
-        out = tmp_path / arch
-        words = ["--set", "solver.duration=1e-5", "--precision", "f32", "--arch", arch, "--quiet"]
-        done = subprocess.run(
-            [*COMMAND, "impact", str(scene), "--out", str(out), *words],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert (done.returncode, done.stdout) == (0, ""), done.stderr
-        histories.append(RunFolder.open(out).read_history())
-    cpu, vulkan = histories
-    assert cpu["broken_bars"].max() == 0  # cracking would amplify the rounding
-    for name in ("striker_force_n", "ring_force_n", "strain_j", "kinetic_plate_j"):
-        scale = np.abs(cpu[name]).max()
-        assert scale > 0
-        np.testing.assert_allclose(vulkan[name], cpu[name], rtol=0, atol=1e-5 * scale)
+def test_a_gpu_backend_cracks_the_same_plate(single: RunFolder, scene: Path) -> None:
+    """Several whole steps a launch on Vulkan (a software device will do), strips on the CPU.
+
+    Striker, rings and cracks, in f32: the same until the first bar softens, within bands then.
+    """
+    import device
+
+    out = scene.parent / "vulkan"
+    words = ["--precision", "f32", "--arch", "vulkan", "--quiet"]
+    done = subprocess.run(
+        [*COMMAND, "impact", str(scene), "--out", str(out), *words],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (0, ""), done.stderr
+    folder = RunFolder.open(out)
+    mine, theirs = folder.read_history(), single.read_history()
+    assert device.deviations(mine, theirs, "f32") == []
+    assert folder.read_summary()["steps"] > 500
+    moved = mine | {"strain_j": mine["strain_j"] * 1.001}
+    assert len(device.deviations(moved, theirs, "f32")) == 1
 
 
 def test_ctrl_c_keeps_what_was_computed(scene: Path) -> None:
@@ -241,12 +252,9 @@ def test_the_end_is_written_where_it_falls_within_an_interval(scene: Path) -> No
     assert read_fields(folder.fields_file).times == pytest.approx([0.0, 2e-5], abs=0.5 * step)
 
 
-def test_f32_runs_and_agrees_before_cracking(finished: RunFolder, scene: Path) -> None:
-    out = scene.parent / "single"
-    done = ldem("impact", str(scene), "--out", str(out), "--precision", "f32", "--quiet")
-    assert done.returncode == 0, done.stderr
-    single, double = RunFolder.open(out).read_history(), finished.read_history()
+def test_f32_runs_and_agrees_before_cracking(finished: RunFolder, single: RunFolder) -> None:
+    f32, double = single.read_history(), finished.read_history()
     before = double["fracture_j"] == 0
     assert before.sum() > 10
     largest = double["strain_j"][before].max()
-    assert np.abs(single["strain_j"] - double["strain_j"])[before].max() < 1e-3 * largest
+    assert np.abs(f32["strain_j"] - double["strain_j"])[before].max() < 1e-3 * largest

@@ -72,6 +72,19 @@ def test_too_large_a_lattice_is_named_with_the_bytes(monkeypatch: pytest.MonkeyP
     memory.refuse_too_large(scene)
 
 
+def test_vulkan_reaches_four_gib(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Taichi's offsets into its fields have 32 bits there, and wrap around in silence."""
+    monkeypatch.setattr(memory, "available_bytes", lambda: None)
+    for arch in ("vulkan", "cuda"):
+        scene = block_scene(1000, 1000, 30, solver={"arch": arch})
+        assert memory.field_bytes(scene) > 2**32
+        if arch == "vulkan":
+            with pytest.raises(SceneError, match=r"Taichi reaches 4 GiB"):
+                memory.refuse_too_large(scene)
+        else:
+            memory.refuse_too_large(scene)
+
+
 def test_a_container_s_limit_counts(tmp_path: Path) -> None:
     assert memory._free_of_group(tmp_path) is None
     for name, text in (

@@ -342,7 +342,7 @@ def _altered(content: bytes, change) -> bytes:
     ("change", "message"),
     [
         (lambda f: f.attrs.__setitem__("version", "0.0.9"), "is of version 0.0.9"),
-        (lambda f: f.attrs.__setitem__("format", 2), "format 2"),
+        (lambda f: f.attrs.__setitem__("format", 3), "format 3"),
         (lambda f: f.attrs.__delitem__("scene"), "no checkpoint of this program"),
         (lambda f: f.attrs.__setitem__("scene", "scenario = 3"), "its scene: "),
         (lambda f: f.attrs.__setitem__("rows", -1), "negative counts"),

@@ -100,8 +100,8 @@ def test_the_guard_looks_at_the_plate_itself(
     end = Ledger(**ledger)
     sample = elastic._row(0, 0.0, end, 0, 0.0)
     with pytest.raises(SimulationStopped, match=said):
-        elastic._guard(sample)
-    elastic._guard(elastic._row(0, 0.0, Ledger(kinetic_striker=1e6 - 1, strain=1.0), 0, 0.0))
+        elastic.guard(sample)
+    elastic.guard(elastic._row(0, 0.0, Ledger(kinetic_striker=1e6 - 1, strain=1.0), 0, 0.0))
 
 
 @pytest.mark.parametrize(

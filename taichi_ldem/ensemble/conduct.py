@@ -106,9 +106,9 @@ class Conductor:
         if outcome.state == FINISHED:
             return f"{name}: finished, {outcome.seconds:.0f} s"
         line = f"{name}: attempt {outcome.number} {outcome.state}: {outcome.reason}"
-        if self.signal is not None or outcome.state == STOPPED:
+        if self.signal is not None:
             return line
-        if self.tries[name] <= RETRIES:
+        if self.tries[name] <= RETRIES and outcome.state != STOPPED:
             self._submit(name)
             return f"{line}; tried again"
         self.failed.append(outcome)

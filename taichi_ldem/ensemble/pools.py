@@ -52,14 +52,19 @@ class LocalPool:
         self.workers = workers
         self._order = GO_ON
         self._threads = ThreadPoolExecutor(workers, thread_name_prefix="member")
-        self._waiting: set[Future[Outcome]] = set()
+        self._tasks: dict[Future[Outcome], Task] = {}
 
     def submit(self, task: Task) -> None:  # noqa: D102
-        self._waiting.add(self._threads.submit(attempt, task, lambda: self._order))
+        future = self._threads.submit(attempt, task, lambda: self._order)
+        self._tasks[future] = task
 
     def ended(self, seconds: float) -> list[Outcome]:  # noqa: D102
-        done, self._waiting = wait(self._waiting, seconds, FIRST_COMPLETED)
-        return [future.result() for future in done]
+        done, _ = wait(self._tasks, seconds, FIRST_COMPLETED)
+        return [self._outcome(future, self._tasks.pop(future)) for future in done]
+
+    def _outcome(self, future: Future[Outcome], task: Task) -> Outcome:
+        error = future.exception()
+        return future.result() if error is None else _raised(task, error)
 
     def stop(self, *, now: bool) -> None:  # noqa: D102
         self._order = STOP_NOW if now else max(self._order, STOP)
@@ -68,7 +73,13 @@ class LocalPool:
         return f"{self.workers} at a time on this machine"
 
     def close(self) -> None:  # noqa: D102
-        self._threads.shutdown()
+        self._threads.shutdown(cancel_futures=True)
+
+
+def _raised(task: Task, error: BaseException) -> Outcome:
+    """The outcome of an attempt that could not be made."""
+    reason = " ".join(f"{type(error).__name__}: {error}".split())
+    return Outcome(task.name, task.number, FAILED, reason[:400])
 
 
 def local_workers(wanted: int | None, threads: int, scenes: list[Scene]) -> int:
@@ -136,17 +147,15 @@ class DaskPool:
         lost = type(error).__name__ == "KilledWorker"
         if lost:
             return Outcome(task.name, task.number, LOST, "its worker ended")
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
-        return Outcome(task.name, task.number, FAILED, reason[:400])
+        return _raised(task, error)
 
     def stop(self, *, now: bool) -> None:  # noqa: D102
         write_whole(stop_file(self._ensemble), b"now\n" if now else b"stop\n")
 
     def describe(self) -> str:  # noqa: D102
-        known = self._client.scheduler_info(n_workers=-1)
-        places = sum(worker["nthreads"] for worker in known["workers"].values())
-        text = f"{len(known['workers'])} workers with {places} places at {self._address}"
-        if "dashboard" in known.get("services", {}):
+        workers = self._client.nthreads()
+        text = f"{len(workers)} workers with {sum(workers.values())} places at {self._address}"
+        if "dashboard" in self._client.scheduler_info().get("services", {}):
             text += f", dashboard: {self._client.dashboard_link}"
         return text
 

@@ -67,6 +67,9 @@ def run(
                 plan, folder, pool, by_scenario, timeout=timeout, console=console, ended=tables
             )
             code = conductor.run()
+        except BaseException:
+            pool.stop(now=False)
+            raise
         finally:
             pool.close()
         _tell_end(console, folder, conductor, code)
