@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from taichi_ldem.studies.commands import app as studies
+
 if TYPE_CHECKING:
     from taichi_ldem.scene import Scene
 
@@ -22,6 +24,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+app.add_typer(studies, name="study")
 
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE.toml", show_default=False)]
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="run folder", show_default=False)]
@@ -239,7 +242,13 @@ def ensemble(
 
 
 @app.command()
-def info(scene_file: SceneFile, settings: Settings = None) -> None:
+def info(
+    scene_file: SceneFile,
+    settings: Settings = None,
+    measure: Annotated[
+        bool, typer.Option("--measure", help="time a step, too: takes a minute or more")
+    ] = False,
+) -> None:
     """Print what a scene implies, without running it."""
     scene = _load(scene_file, settings or ())
 
@@ -247,7 +256,7 @@ def info(scene_file: SceneFile, settings: Settings = None) -> None:
 
     from taichi_ldem.describe import describe
 
-    Console().print(describe(scene))
+    Console().print(describe(scene, measure))
 
 
 @app.command()

@@ -658,8 +658,11 @@ class Rings(RigidBody):
             raise SceneError(
                 f"clamp.inner_diameter = {clamp.inner_diameter}: the clamp holds no node"
             )
-        # separating rings: as many nodes as are between the circles through the whole thickness
-        capacity = len(fixed) * (dynamics.sites[0] if self.moving else 1)
+        # separating rings: as many nodes as are between the circles through the whole thickness,
+        # and on a small plate all, which fast debris may bring near
+        nodes = int(np.count_nonzero(dynamics.lattice.exists()))
+        through = max(len(fixed) * dynamics.sites[0], 10_000)
+        capacity = min(through, nodes) if self.moving else len(fixed)
         super().__init__(dynamics, numbers, capacity)
         self.set_nodes(fixed)
 

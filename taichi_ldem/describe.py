@@ -1,12 +1,21 @@
 """What a scene's inputs imply, and what was built for it: the text of ``ldem info``."""
 
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
+from taichi_ldem import leave_out
 from taichi_ldem import material as mat
 from taichi_ldem.disorder import cv_from_shape, shape_of, varies
+from taichi_ldem.memory import field_bytes
 from taichi_ldem.scene import DISORDERED, Scene
+
+if TYPE_CHECKING:
+    from taichi_ldem.simulation import Simulation
 
 RESOLVED = 4
 """Modules that a correlation length should span."""
@@ -128,8 +137,38 @@ def _disorder(scene: Scene, drawn: dict[str, tuple[float, float]]) -> dict[str, 
     return rows
 
 
-def describe(scene: Scene) -> Group:
+def _against_everything(scene: Scene, simulation: "Simulation", measured: bool) -> Table:
+    """Fields, bytes and kernels of the scene beside its lattice with everything switched on.
+
+    Args:
+        measured: milliseconds a step, too: each in processes of its own, one after the other.
+    """
+    full = leave_out.everything(scene)
+    table = Table("", "this scene", "everything on", "share", title="what is left out saves")
+    own = leave_out.cost(simulation)
+    if measured:
+        with tempfile.TemporaryDirectory() as folder:
+            costs = leave_out.compare({"own": scene, "all": full}, Path(folder), 3)
+        for name in ("fields", "kernels"):
+            table.add_row(name, *(str(getattr(costs[which], name)) for which in ("own", "all")))
+        rows = (("MB", "bytes", 1e-6), ("ms a step", "ms", 1.0))
+        for name, value, scale in rows:
+            mine, whole = (getattr(costs[which], value) for which in ("own", "all"))
+            texts = [f"{scale * number:.3g}" for number in (mine, whole)]
+            table.add_row(name, *texts, f"{100 * mine / whole:.0f} %")
+        return table
+    mine, whole = field_bytes(scene), field_bytes(full)
+    texts = [f"{1e-6 * number:.2f}" for number in (mine, whole)]
+    table.add_row("MB of nodes and bars", *texts, f"{100 * mine / whole:.0f} %")
+    table.add_row("kernels", str(own.kernels), str(leave_out.KERNELS_OF_EVERYTHING))
+    return table
+
+
+def describe(scene: Scene, measured: bool = False) -> Group:
     """Everything that ``ldem info`` prints; builds the simulation for its true numbers.
+
+    Args:
+        measured: time a step, too, beside everything switched on.
 
     Raises:
         SceneError: as building the simulation does.
@@ -161,6 +200,9 @@ def describe(scene: Scene) -> Group:
         memory.add_row(name, f"{size / 1e6:.2f}")
     memory.add_row("all", f"{sum(sizes.values()) / 1e6:.2f}")
     parts: list[Table | Text] = [table, memory]
+    if not scene.plate.angle:  # no other scenario cuts a plate at an angle
+        parts.append(_against_everything(scene, simulation, measured))
+    parts.append(Text(f"kernels: {', '.join(leave_out.kernels(simulation))}"))
     parts += [Text(f"left out: {line}") for line in left_out(scene)]
     parts += [Text(f"note: {line}") for line in warnings(scene)]
     return Group(*parts)

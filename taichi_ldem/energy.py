@@ -48,6 +48,12 @@ class Ledger:
             + self.contact
         )
 
+    @property
+    def held_by_plate(self) -> float:
+        """What the plate holds, has dissipated, or has lost in contact."""
+        own = self.kinetic_plate + self.strain + self.fracture + self.damping
+        return own + abs(self.contact)
+
     def imbalance(self, start: "Ledger") -> float:
         """Energy that appeared (positive) or vanished since ``start``, beyond external work, J."""
         return self.stored - start.stored - (self.external - start.external)

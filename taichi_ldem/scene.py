@@ -65,6 +65,16 @@ def _plausible(value: float) -> float:
     raise PydanticCustomError("magnitude", "must lie between 1e-20 and 1e20 in SI units")
 
 
+def _braced(value: float) -> float:
+    if value > 0:
+        return value
+    why = (
+        "must be greater than 0: the diagonal bars would have no stiffness, and a lattice without "
+        "them is a mechanism"
+    )
+    raise PydanticCustomError("mechanism", why)
+
+
 Real = Annotated[float, Field(strict=True), AfterValidator(_plausible)]
 Positive = Annotated[Real, Field(gt=0)]
 NonNegative = Annotated[Real, Field(ge=0)]
@@ -242,7 +252,7 @@ class Material(_Table):
     """Elasticity and fracture. With `damage = false` the fracture keys may be left out or stay."""
 
     youngs_modulus: Positive = Field(description="E, Pa")
-    poisson_ratio: Annotated[Real, Field(gt=0, lt=0.5)]
+    poisson_ratio: Annotated[Real, Field(lt=0.5), AfterValidator(_braced)]
     density: Positive = Field(description="kg/m3")
     fracture_energy: Positive | None = Field(default=None, description="G_f, J/m2")
     failure_factor: Positive | None = Field(

@@ -24,6 +24,7 @@ from taichi_ldem.contact import (
     Rings,
     Striker,
     Supports,
+    TooManyNodes,
 )
 from taichi_ldem.dynamics import Dynamics, Features, field_apart, field_bytes
 from taichi_ldem.energy import BROKEN, DAMPED, FRACTURE, KINETIC, STRAIN, EnergySums, Ledger
@@ -34,6 +35,21 @@ from taichi_ldem.scene import Plate, Scene, SceneError
 
 WARN_ERROR, STOP_ERROR = 0.01, 0.05
 """Energy errors at which a run warns and stops."""
+
+STOP_ERROR_OF_PLATE = 0.1
+"""Imbalance, over the energy that the plate holds, at which a run stops: a heavy striker's energy
+would hide it from STOP_ERROR. Sound runs stay below 0.03."""
+
+LEAST_SHARE = 1e-10
+"""Energy of the plate, over all that there is, from which its imbalance is judged."""
+
+COARSEST = 1e-3
+"""Share of the largest elongation to which displacements must be known: rounding them heats the
+lattice in every step."""
+
+EXTREME_STRETCH, EXTREME_THRUST = 0.2, -0.5
+"""Strains beyond which a stopped run names them: of a bar that was meant to break long before, and
+of one that is about to pass through zero length."""
 
 STEPS_BETWEEN_LISTS = 64
 """Steps between two listings of the nodes near a rigid body."""
@@ -477,12 +493,16 @@ class Simulation:
             between: called now and then between two steps, where the state is whole.
 
         Raises:
-            SimulationStopped: a NaN, or an energy error above 5 %.
+            SimulationStopped: a NaN, an energy error above 5 % or above a tenth of what the plate
+                holds, energy from contact, or debris all around a rigid body.
         """
         while self.step_number <= self.steps:
             due = -(-self.step_number // self.sample_every) * self.sample_every
-            self._advance_to(min(due, self.steps), between)
-            sample = self.sample_step()
+            try:
+                self._advance_to(min(due, self.steps), between)
+                sample = self.sample_step()
+            except TooManyNodes as error:
+                raise self._stopped(self.step_number, str(error)) from None
             yield sample
             self.guard(sample)
 
@@ -494,27 +514,70 @@ class Simulation:
             between()
 
     def guard(self, sample: Sample) -> None:
-        """Stop at the first NaN or at 5 % energy error (the run's limit for a wrong answer).
+        """Stop at the first NaN, at too large an imbalance, or where contact gives energy.
 
         Raises:
             SimulationStopped: with time, step, place and likely cause.
         """
-        if np.isfinite(sample.ledger.stored) and sample.energy_error <= STOP_ERROR:
-            return
-        where = f"t = {sample.time:.6g} s, step {sample.step}: "
-        cause = "a collision too fast for the time step; try a smaller solver.safety"
-        if self.time_step > self.critical_time_step:
-            cause = (
-                f"the time step {self.time_step:.3g} s is above the critical one, "
-                f"{self.critical_time_step:.3g} s"
-            )
-        if np.isfinite(sample.ledger.stored):
-            what = f"the energy error reached {100 * sample.energy_error:.1f} %"
-        else:
+        ledger, start = sample.ledger, self._start
+        assert start is not None
+        held = max(ledger.held_by_plate, LEAST_SHARE * (start.stored + abs(ledger.external)))
+        imbalance = abs(ledger.imbalance(start))
+        if not np.isfinite(ledger.stored):
             what = "the energies are not finite"
-        raise SimulationStopped(
-            f"{where}{what}, fastest {self._worst_node()}; likely cause: {cause}"
+        elif sample.energy_error > STOP_ERROR:
+            what = f"the energy error reached {100 * sample.energy_error:.3g} %"
+        elif imbalance > STOP_ERROR_OF_PLATE * held:
+            what = (
+                f"the energy error reached {100 * imbalance / held:.3g} % of what the plate holds"
+            )
+        elif self._gained(ledger) > STOP_ERROR_OF_PLATE:
+            what = f"contact gave the plate {-ledger.contact:.3g} J"
+        else:
+            return
+        raise self._stopped(sample.step, what, ledger)
+
+    def _gained(self, ledger: Ledger) -> float:
+        """What contact gave, which should only take, over what there was or what the plate has."""
+        if self._start is ledger or self._start is None:
+            return 0.0  # half of the first step's works are not there yet
+        given = self._start.stored - ledger.kinetic_striker + ledger.external
+        scale = max(ledger.held_by_plate, abs(given))
+        return -ledger.contact / scale if scale > 0 else 0.0
+
+    def _stopped(self, step: int, what: str, ledger: Ledger | None = None) -> SimulationStopped:
+        """The error that tells what happened, where, and why, most likely."""
+        return SimulationStopped(
+            f"t = {step * self.time_step:.6g} s, step {step}: {what}, fastest "
+            f"{self._worst_node()}; likely cause: {self._cause(ledger)}"
         )
+
+    def _cause(self, ledger: Ledger | None) -> str:
+        step, critical = self.time_step, self.critical_time_step
+        if step > critical:
+            return f"the time step {step:.3g} s is above the critical one, {critical:.3g} s"
+        if ledger is not None and self._gained(ledger) > STOP_ERROR_OF_PLATE:
+            return (
+                "contact gave energy: a rigid body lay inside the plate, or is so sharp that nodes "
+                "go round it within a step"
+            )
+        moved = self.displacement_before()
+        longest, shortest = stability.largest_strains(self.dynamics, moved)
+        digits = float(np.finfo(self.dynamics.numpy_float()).eps) * np.abs(moved).max()
+        if digits > COARSEST * max(longest, -shortest) * self.spacing:
+            return (
+                f"displacements of {np.abs(moved).max():.3g} m are known to {digits:.1g} m, not "
+                f'enough for strains of {max(longest, -shortest):.1g}; use solver.precision = "f64"'
+            )
+        if longest < EXTREME_STRETCH and shortest > EXTREME_THRUST:
+            return "a collision too fast for the time step; try a smaller solver.safety"
+        bars = f"bars are at {1 + shortest:.3g} to {1 + longest:.3g} of their length"
+        if step > stability.STRETCHED * critical:
+            return (
+                f"{bars}: stretched bars lower the critical time step; try solver.safety <= "
+                f"{stability.STRETCHED:.2f}"
+            )
+        return f"{bars}: near zero length a bar turns round within a step; strike more slowly"
 
     def _worst_node(self) -> str:
         """Place of the first node whose velocity is not finite, or else of the fastest."""

@@ -8,10 +8,22 @@ it.
 """
 
 import numpy as np
+import numpy.typing as npt
 import taichi as ti
 
+from taichi_ldem.dynamics import _ENDS as ENDS
 from taichi_ldem.dynamics import NODE_AXES, Dynamics, field_apart
 from taichi_ldem.lanes import HALO
+from taichi_ldem.lattice import BAR_VECTORS, BARS_PER_SITE, bar_weights
+
+STRETCHED = 3**-0.5
+"""Share of the critical time step at rest that is enough at any deformation.
+
+A bar of stiffness k at length ratio r has the tangent stiffness k along itself and k (1 - 1/r) < k
+across, so no deformation takes omega^2 above that of the lattice whose bars had k in every
+direction; averaged over three directions of motion that lattice's energy is three times the
+lattice's own, so its omega^2 is at most three times that at rest. Softening and breaking lower it.
+"""
 
 TOLERANCE = 1e-3
 MOST = 200
@@ -25,7 +37,7 @@ class Lanczos:
     The displacement is the latest vector u(j), the velocity the one before, times beta(j - 1). From
     there the step's own operator, for a second and without moving, makes the velocity
     beta(j - 1) u(j - 1) - A u(j) with A = M^-1 K: all that the next vector needs. The vectors are
-    so small (strains of 1e-6 at most) that the non-linear kernels answer linearly. No old vectors
+    so small (strains of about 1e-6) that the non-linear kernels answer linearly. No old vectors
     are kept: the largest eigenvalue does not need them.
 
     Attributes:
@@ -98,11 +110,24 @@ class Lanczos:
                 self.dynamics.velocity[s][axis][k, j, m] = r * u
             self.dynamics.repeat_halo(0, k, j, m)
 
+    def _amplitude(self) -> float:
+        """Norm of the vectors, sqrt(kg) m: all of it in the lightest node strains bars by 1e-6.
+
+        Or by a hundredth of the weakest bar's eps_p: the kernels answer linearly then, and note no
+        history.
+        """
+        d = self.dynamics
+        mass = d.masses() if d.features.density else d.mass.to_numpy()
+        strain = min(1e-6, 1e-2 * _least_peak_strain(d))
+        return float(strain * d.lattice.spacing * np.sqrt(mass[mass > 0].min()))
+
     def largest(self) -> float:
         """The largest eigenvalue of M^-1 K, (rad/s)^2; fields are left at zero."""
-        self.start(1e-6 * self.dynamics.lattice.spacing)
+        self.start(1.0)
         norm, _ = self.products()
-        self.combine(1.0, 0.0, 0.0)
+        size = self._amplitude() / np.sqrt(norm)
+        self.combine(size, 0.0, 0.0)
+        norm *= size**2
         diagonal: list[float] = []
         beside: list[float] = []
         found = 0.0
@@ -130,4 +155,51 @@ def critical_time_step(dynamics: Dynamics) -> float:
     The Lanczos value approaches omega_max^2 from below; its tolerance of 1e-3 means half of that in
     the time step. Displacements and velocities are left at zero.
     """
-    return float(2 / np.sqrt(Lanczos(dynamics).largest()))
+    kept = vars(dynamics)  # another instance would compile its kernels anew
+    if "estimate" not in kept:
+        kept["estimate"] = Lanczos(dynamics)
+    return float(2 / np.sqrt(kept["estimate"].largest()))
+
+
+def _least_peak_strain(dynamics: Dynamics) -> float:
+    """The smallest eps_p of any bar; infinite without damage."""
+    if not dynamics.features.damage:
+        return np.inf
+    weakest = float(dynamics.weakest.to_numpy().min()) if dynamics.features.strength else 1.0
+    return dynamics.peak_strain * weakest
+
+
+def largest_strains(
+    dynamics: Dynamics, displacement: npt.NDArray[np.float64]
+) -> tuple[float, float]:
+    """Largest and smallest strain of the bars that carry, at a displacement (2, *S, 3), m.
+
+    NaN where a position is not finite; (0, 0) where there is no bar left.
+    """
+    lattice, features = dynamics.lattice, dynamics.features
+    carries = bar_weights(False)[lattice.code] > 0
+    if features.notch:
+        removed = dynamics.lanes.gather(dynamics.removed.to_numpy())
+        carries &= (removed[..., None] >> np.arange(BARS_PER_SITE) & 1) == 0
+    if features.damage:
+        failure = dynamics.softening.to_numpy()[:, 0]
+        for bar, field in enumerate(dynamics.peak):
+            peak = dynamics.lanes.gather(field.to_numpy())
+            carries[..., bar] &= peak < failure[dynamics.softening_row(bar)]
+    extremes = [0.0]
+    for bar, ends in enumerate(ENDS):
+        if carries[..., bar].any():
+            first, second = (
+                np.roll(displacement[kind], [-n for n in offset], axis=(0, 1, 2))
+                for kind, offset in ends
+            )
+            rest = BAR_VECTORS[bar] * lattice.spacing
+            with np.errstate(over="ignore", invalid="ignore"):
+                now = np.linalg.norm(second - first + rest, axis=-1)[carries[..., bar]]
+            strain = now / np.linalg.norm(rest) - 1
+            extremes += [float(strain.max()), float(strain.min())]
+    return max(extremes, key=_nan_first), min(extremes, key=lambda e: -_nan_first(-e))
+
+
+def _nan_first(value: float) -> float:
+    return np.inf if np.isnan(value) else value

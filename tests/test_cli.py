@@ -107,6 +107,12 @@ BAD = {
     # values
     "negative_size": Bad(SIZE, "size = [0.09, -0.09, 0.0032]", "plate.size[1] = -0.09: must be gr"),
     "negative_modulus": Bad("3.35e9", "-3", "material.youngs_modulus = -3: must be greater than 0"),
+    "mechanism": Bad(
+        "= 0.25",
+        "= 0.0",
+        "material.poisson_ratio = 0.0: must be greater than 0: "
+        "the diagonal bars would have no stiffness, and a lattice without them is a mechanism",
+    ),
     "incompressible": Bad("= 0.25", "= 0.5", "material.poisson_ratio = 0.5: must be less than 0.5"),
     "nan": Bad(MASS, "mass = nan", "striker.mass = nan: must be a finite number"),
     "infinity": Bad(MASS, "mass = inf", "striker.mass = inf: must be a finite number"),

@@ -81,6 +81,45 @@ def test_a_nan_is_told_with_its_place(elastic: "Simulation", body: Body) -> None
     assert stop.value.args[0].startswith("t = ")
 
 
+@pytest.mark.parametrize(
+    ("ledger", "said"),
+    [
+        # the striker of 1 MJ hides the plate's 0.2 J out of 1 J from the total error
+        ({"kinetic_striker": 1e6, "strain": 1.2, "external": 1.0}, "of what the plate holds"),
+        ({"kinetic_striker": 1e6, "kinetic_plate": 1.0, "contact": -1.0}, "contact gave the plate"),
+        ({"kinetic_striker": 1.1e6}, "the energy error reached 10 %"),
+    ],
+)
+def test_the_guard_looks_at_the_plate_itself(
+    elastic: "Simulation", ledger: dict[str, float], said: str
+) -> None:
+    from taichi_ldem.energy import Ledger
+    from taichi_ldem.simulation import SimulationStopped
+
+    elastic._start = Ledger(kinetic_striker=1e6)
+    end = Ledger(**ledger)
+    sample = elastic._row(0, 0.0, end, 0, 0.0)
+    with pytest.raises(SimulationStopped, match=said):
+        elastic.guard(sample)
+    elastic.guard(elastic._row(0, 0.0, Ledger(kinetic_striker=1e6 - 1, strain=1.0), 0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("share", "strain", "cause"),
+    [
+        (0.9, 0.3, "stretched bars lower the critical time step"),
+        (0.5, -0.9, "a bar turns round"),
+        (0.5, 0.01, "a collision too fast"),
+    ],
+)
+def test_the_guard_names_what_bars_suffer(
+    elastic: "Simulation", body: Body, share: float, strain: float, cause: str
+) -> None:
+    elastic.time_step = share * elastic.critical_time_step
+    elastic.dynamics.set_displacement(1, body.spread(strain * body.positions))
+    assert cause in elastic._cause(None)
+
+
 def test_a_clamp_that_holds_nothing_is_refused(taichi: None) -> None:
     from taichi_ldem.simulation import Simulation
 

@@ -2,7 +2,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from blocks import PMMA, SPACING, block_scene, smooth_velocity
+from blocks import PMMA, SPACING, Breakable, block_scene, smooth_velocity
 from reference import Body
 
 from taichi_ldem import material as mat
@@ -80,3 +80,74 @@ def test_too_large_a_time_step_is_refused_with_the_critical_one(
     with pytest.raises(SceneError, match=r"solver\.time_step = .*critical") as refusal:
         Simulation(block_scene(4, 3, 2, solver={"time_step": chosen}))
     assert "\n" not in str(refusal.value)
+
+
+def _tangent_frequency(body: Body, displacement: np.ndarray) -> float:
+    """Largest omega of the body about a deformed state: axial and geometric stiffness."""
+    from scipy import sparse
+    from scipy.sparse.linalg import eigsh
+
+    now = body.rest + displacement[body.ends[:, 1]] - displacement[body.ends[:, 0]]
+    length = np.linalg.norm(now, axis=1)
+    unit, k = now / length[:, None], body.weights * body.per_bar(*_stiffness()) / body.lengths
+    along = unit[:, :, None] * unit[:, None, :]
+    across = (1 - body.lengths / length)[:, None, None] * (np.eye(3) - along)
+    block = k[:, None, None] * (along + across)
+    matrix = sparse.lil_matrix((3 * len(body.places),) * 2)
+    for (a, b), part in zip(body.ends.tolist(), block, strict=True):
+        one, two = slice(3 * a, 3 * a + 3), slice(3 * b, 3 * b + 3)
+        matrix[one, one] += part
+        matrix[two, two] += part
+        matrix[one, two] -= part
+        matrix[two, one] -= part
+    root = sparse.diags(1 / np.sqrt(np.repeat(MODULE_MASS * body.mass_shares, 3)))
+    whole = (root @ matrix.tocsr() @ root).tocsr()
+    return float(np.sqrt(eigsh(whole, k=1, which="LA", return_eigenvectors=False)[0]))
+
+
+@pytest.mark.parametrize("kind", ["swollen", "random"])
+def test_no_deformation_needs_less_than_the_stretched_share(kind: str) -> None:
+    from taichi_ldem.lattice import prism
+    from taichi_ldem.stability import STRETCHED
+
+    block = Body(prism(4, 3, 2), SPACING)
+    rest = _tangent_frequency(block, np.zeros(block.places.shape))
+    if kind == "swollen":
+        # far out every bar resists in all directions alike: as bad as it gets
+        worst = _tangent_frequency(block, 50 * block.positions)
+        assert worst / rest > 1.3
+    else:
+        noise = np.random.default_rng(3).normal(0.0, SPACING, block.places.shape)
+        worst = _tangent_frequency(block, noise)
+    assert worst / rest < 1 / STRETCHED
+
+
+def test_weak_bars_are_not_damaged_by_the_estimate(breakable: Breakable) -> None:
+    from taichi_ldem.stability import critical_time_step
+
+    whole = critical_time_step(breakable.renew().dynamics)
+    weak = breakable.renew(failure_strain=1e-8, limit_strain=1e-7).dynamics
+    assert critical_time_step(weak) == pytest.approx(whole, rel=2e-3)
+    assert not weak.touched.to_numpy().any()
+
+
+def test_the_largest_strains_are_those_of_the_bars(elastic: "Simulation", body: Body) -> None:
+    from taichi_ldem.stability import largest_strains
+
+    moved = np.random.default_rng(4).normal(0.0, 0.3 * SPACING, (len(body.places), 3))
+    strains = body.strains(moved)
+    found = largest_strains(elastic.dynamics, body.spread(moved))
+    assert found == pytest.approx((strains.max(), strains.min()), rel=1e-12)
+    moved[0] = np.nan
+    assert np.isnan(largest_strains(elastic.dynamics, body.spread(moved))).any()
+
+
+def test_broken_bars_have_no_strain(breakable: Breakable) -> None:
+    from taichi_ldem.stability import largest_strains
+
+    block = breakable.renew()
+    moved = 0.01 * block.body.positions  # below eps_p
+    moved[-1] += 3 * block.spacing  # all bars of the last node break
+    block.put(moved)
+    longest, _ = largest_strains(block.dynamics, block.body.spread(moved))
+    assert longest == pytest.approx(0.01, rel=1e-9)

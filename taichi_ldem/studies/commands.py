@@ -1,0 +1,60 @@
+"""``ldem study ...``: the studies that are commands. No physics, and nothing heavy is imported."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(help="Studies of the program itself: stability, error against run time.")
+
+Workers = Annotated[
+    int, typer.Option(min=0, help="processes at a time, a thread each (0: all cores)")
+]
+
+
+@app.callback()
+def study() -> None:
+    """Studies of the program itself: stability, error against run time."""
+
+
+@app.command()
+def extremes(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="where results go")] = Path(
+        "outputs/extremes"
+    ),
+    quick: Annotated[bool, typer.Option("--quick", help="the small form, some seconds")] = False,
+    only: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="cases whose name contains this")
+    ] = None,
+    workers: Workers = 0,
+) -> None:
+    """Run stiff and extreme cases, each against what theory predicts."""
+    from taichi_ldem.studies.extremes import run
+
+    raise typer.Exit(run(out, quick=quick, only=only or (), workers=workers))
+
+
+@app.command()
+def convergence(
+    scene_file: Annotated[Path, typer.Argument(metavar="SCENE.toml", show_default=False)],
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="where runs go (default: outputs/SCENE)")
+    ] = None,
+    modules: Annotated[
+        list[int] | None, typer.Option(metavar="N", help="through the thickness; repeat it")
+    ] = None,
+    reference: Annotated[
+        int | None, typer.Option(metavar="N", help="modules of the reference")
+    ] = None,
+    seeds: Annotated[int, typer.Option(min=2, help="places of a cracking scene's striker")] = 4,
+    force: Annotated[bool, typer.Option("--force", help="remove another scene's runs")] = False,
+) -> None:
+    """Measure error against run time; finished runs are kept, so it can be cut and resumed."""
+    from taichi_ldem.studies.convergence import run
+
+    folder = Path("outputs", scene_file.stem) if out is None else out
+    raise typer.Exit(
+        run(
+            scene_file, folder, modules=modules or (), reference=reference, seeds=seeds, force=force
+        )
+    )

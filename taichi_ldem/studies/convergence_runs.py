@@ -1,0 +1,263 @@
+"""One run of the convergence study in a process of its own: signals, cost, nothing judged.
+
+    python -m taichi_ldem.studies.convergence_runs SCENE.toml FILE.json [--set KEY=VALUE ...]
+
+What is measured follows from the scene (``kind``). Compiling and reading are not timed.
+"""
+
+import json
+import math
+import time
+from argparse import ArgumentParser
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from taichi_ldem.scene import Scene, SceneError, load_scene
+
+if TYPE_CHECKING:
+    from taichi_ldem.simulation import Sample, Simulation
+
+Array = npt.NDArray[np.float64]
+
+SEED_REACH = 0.1
+"""Of a cracking scene's striker from its own place, in thicknesses: half of a module of five."""
+
+IMPACT, VIBRATION, WAVE, CRACKING = "impact", "vibration", "wave", "cracking"
+
+
+def kind(scene: Scene) -> str:
+    """What a scene is a reference for.
+
+    Raises:
+        SceneError: it is for none.
+    """
+    if scene.scenario == "wave":
+        return WAVE
+    if scene.scenario == "modes" and not scene.material.damage:
+        return VIBRATION
+    if scene.scenario == "impact" and scene.striker is not None:
+        return CRACKING if scene.material.damage else IMPACT
+    raise SceneError(
+        f'scenario = "{scene.scenario}": convergence is studied of an impact, of a vibration '
+        '(scenario = "modes", damage = false) or of a wave'
+    )
+
+
+def run(scene: Scene) -> dict[str, Any]:
+    """Run a scene that does not crack and return its signals and its cost."""
+    from taichi_ldem import backend
+
+    backend.start(scene.solver)
+    from taichi_ldem.simulation import Simulation
+
+    started = time.perf_counter()
+    simulation = Simulation(scene)
+    _step_exactly(simulation)
+    simulation.compile()
+    what = kind(scene)
+    reader: Any = {IMPACT: _Impact, VIBRATION: _Vibration, WAVE: _Wave}[what](simulation)
+    compiled = time.perf_counter() - started
+    wall, used, samples = time.perf_counter(), time.process_time(), 0.0
+    for sample in simulation.samples():
+        looked = time.process_time()
+        reader.take(sample)
+        samples += time.process_time() - looked
+    used, wall = time.process_time() - used - samples, time.perf_counter() - wall
+    return {
+        **reader.signals(),
+        "cpu_s": used,
+        "wall_s": wall,
+        "compile_s": compiled,
+        "steps": simulation.steps,
+        "time_step_s": simulation.time_step,
+        "share": simulation.time_step / simulation.critical_time_step,
+        "spacing_m": scene.plate.spacing,
+        "bars": simulation.dynamics.lattice.bars,
+        "energy_error": reader.error,
+    }
+
+
+def _step_exactly(simulation: "Simulation") -> None:
+    """Take the scene's share of the critical step as it is, not rounded to history intervals."""
+    scene = simulation.scene
+    simulation.time_step = scene.solver.safety * simulation.critical_time_step
+    simulation.steps = round(scene.solver.duration / simulation.time_step)
+    every = round(scene.output.history_interval / simulation.time_step)
+    simulation.sample_every = max(1, every)
+
+
+class _Impact:
+    """The striker's velocity and the impulses that it and the clamp have given."""
+
+    def __init__(self, simulation: "Simulation"):
+        self.simulation = simulation
+        self.error = 0.0
+        self.rows: list[tuple[float, ...]] = []
+
+    def take(self, sample: "Sample") -> None:
+        """Note a sample."""
+        self.error = max(self.error, sample.energy_error)
+        assert sample.striker_velocity is not None
+        # forces are impulses over the time since the sample before
+        since = sample.time - self.rows[-1][0] if self.rows else self.simulation.time_step
+        before = self.rows[-1][2:] if self.rows else (0.0, 0.0)
+        forces = (sample.striker_force or 0.0, sample.ring_force or 0.0)
+        impulses = (b + f * since for b, f in zip(before, forces, strict=True))
+        self.rows.append((sample.time, sample.striker_velocity, *impulses))
+
+    def signals(self) -> dict[str, Any]:
+        """Histories by quantity."""
+        time_s, velocity, striker, ring = np.array(self.rows).T
+        found = {"velocity": velocity, "striker impulse": striker}
+        if self.simulation.rings is not None:
+            found["ring impulse"] = ring
+        return {"time": time_s.tolist(), "signals": {k: v.tolist() for k, v in found.items()}}
+
+
+class _Vibration:
+    """The lowest elastic mode set free: its frequency, from the motion along its own shape."""
+
+    def __init__(self, simulation: "Simulation"):
+        self.simulation = simulation
+        self.error = 0.0
+        self.rows: list[tuple[float, float]] = []
+        frequency, shape = lowest_elastic_mode(simulation)
+        self.frequency = frequency
+        mass = simulation.dynamics.masses()[..., None]
+        self.weight = mass * shape / float((mass * shape**2).sum())
+        # bars turn by far less than 1e-6: the lattice is linear
+        amplitude = 1e-6 * simulation.spacing
+        simulation.start_from(amplitude * shape, np.zeros_like(shape))
+        self.weight /= amplitude
+
+    def take(self, sample: "Sample") -> None:
+        """Note a sample."""
+        self.error = max(self.error, sample.energy_error)
+        moved = self.simulation.displacement_before()
+        self.rows.append((sample.time, float((self.weight * moved).sum())))
+
+    def signals(self) -> dict[str, Any]:
+        """The frequency in time and that of the eigenvalue problem, Hz."""
+        from scipy.optimize import least_squares
+
+        at, along = np.array(self.rows).T
+
+        def miss(unknown: Array) -> Array:
+            ratio, a, b = unknown
+            phase = 2 * math.pi * self.frequency * ratio * at
+            return np.asarray(a * np.cos(phase) + b * np.sin(phase) - along)
+
+        fit = least_squares(miss, (1.0, 1.0, 0.0), xtol=1e-15, ftol=1e-15, gtol=1e-15).x
+        return {
+            "values": {"frequency": float(fit[0]) * self.frequency},
+            "eigenfrequency_hz": self.frequency,
+        }
+
+
+def lowest_elastic_mode(simulation: "Simulation") -> tuple[float, Array]:
+    """Frequency (Hz) and shape (2, *S, 3) of the lowest mode that is not a rigid motion."""
+    from taichi_ldem import eigen
+
+    rings = simulation.rings
+    fixed = rings.listed() if rings is not None else np.zeros(0, dtype=np.int32)
+    operator = eigen.TangentOperator(simulation.dynamics, fixed)
+    found = eigen.lowest(operator, 1 if rings is not None else 7)
+    elastic = int(np.argmax(found.frequencies > 1e-3 * found.frequencies.max()))
+    return float(found.frequencies[elastic]), found.shapes[elastic]
+
+
+class _Wave:
+    """The displacement that a pulse brings to the second probe."""
+
+    def __init__(self, simulation: "Simulation"):
+        from taichi_ldem.scenarios.wave import Packet, Probes
+
+        self.simulation = simulation
+        self.error = 0.0
+        self.packet = Packet(simulation.scene)
+        self.packet.check()
+        self.probes = Probes(self.packet)
+        self.probes.prepare(simulation)
+
+    def take(self, sample: "Sample") -> None:
+        """Note a sample."""
+        self.error = max(self.error, sample.energy_error)
+        self.probes.take(self.simulation, sample)
+
+    def signals(self) -> dict[str, Any]:
+        """History at the second probe, over the pulse's height."""
+        moved = np.array(self.probes.seen)[:, self.probes.chosen[1]]
+        return {"time": self.probes.times, "signals": {"displacement": moved.tolist()}}
+
+
+def exact_wave(scene: Scene, sections: tuple[int, ...] = (3, 4, 6)) -> dict[str, Any]:
+    """The second probe's signal in a bar of vanishing modules, in continuous time.
+
+    Every wave of the packet has the frequency to which those of finer and finer sections tend: the
+    polynomial in the module edge through ``sections`` (modules), at zero. For a plane wave it is
+    d'Alembert's.
+    """
+    from taichi_ldem.scenarios.wave import Packet
+
+    plate, time_s = scene.plate, sample_times(scene)
+    packets = []
+    for modules in sections:
+        finer = plate.model_copy(update={"modules_through_thickness": modules})
+        packets.append(Packet(scene.model_copy(update={"plate": finer})))
+    k = packets[0].wave_numbers
+    count = min(len(p.wave_numbers) for p in packets)
+    place = np.array([scene.pulse.probes[1]]) if scene.pulse is not None else np.zeros(1)
+    if packets[0].pulse.kind != "bar":
+        omega = packets[0].reference[1] * k
+        seen = packets[0].amplitudes
+    else:
+        edges = [1 / modules for modules in sections]
+        rows = np.stack([p.frequencies[:count] for p in packets])
+        weights = [
+            math.prod(e / (e - d) for e in edges if e != d) for d in edges
+        ]  # of Lagrange's polynomial at zero
+        omega = np.asarray(weights) @ rows
+        seen = packets[-1]._seen[:count]
+    turn = k[: len(omega), None] * place - omega[:, None] * time_s
+    moved = (seen[: len(omega), None] * np.exp(1j * turn)).sum(axis=0).real
+    if packets[0].pulse.kind != "bar":
+        turn = k[:, None] * (2 * packets[0].ends[1] - place) - omega[:, None] * time_s
+        moved = moved + (seen[:, None] * np.exp(1j * turn)).sum(axis=0).real
+    speed = float(omega[1] / k[1])
+    flight = (float(place[0]) - packets[0].pulse.position) / speed
+    return {
+        "time": time_s.tolist(),
+        "signals": {"displacement": moved.tolist()},
+        "flight_s": flight,
+        "speed_m_s": speed,
+        "continuum_m_s": packets[0].reference[1],
+    }
+
+
+def sample_times(scene: Scene) -> Array:
+    """Times of the history rows, s."""
+    interval = scene.output.history_interval
+    rows = int(scene.solver.duration / interval * (1 + 1e-9)) + 1
+    return np.asarray(interval * np.arange(rows), dtype=np.float64)
+
+
+def main() -> None:
+    """Run one point and write its record."""
+    parser = ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("scene", type=Path)
+    parser.add_argument("file", type=Path)
+    parser.add_argument("--set", action="append", default=[], dest="settings")
+    parser.add_argument("--reference", choices=["wave"])
+    options = parser.parse_args()
+    scene = load_scene(options.scene, options.settings)
+    record = exact_wave(scene) if options.reference == "wave" else run(scene)
+    partial = options.file.with_suffix(".tmp")
+    partial.write_text(json.dumps(record), encoding="utf-8")
+    partial.replace(options.file)
+
+
+if __name__ == "__main__":
+    main()
