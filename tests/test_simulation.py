@@ -1,5 +1,6 @@
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -96,12 +97,15 @@ def test_the_guard_looks_at_the_plate_itself(
     from taichi_ldem.energy import Ledger
     from taichi_ldem.simulation import SimulationStopped
 
-    elastic._start = Ledger(kinetic_striker=1e6)
-    end = Ledger(**ledger)
-    sample = elastic._row(0, 0.0, end, 0, 0.0)
+    sample, start = elastic.sample_step(), Ledger(kinetic_striker=1e6)
+
+    def look(end: Ledger) -> None:
+        elastic._start = start
+        elastic.guard(replace(sample, ledger=end, energy_error=end.error(start)))
+
     with pytest.raises(SimulationStopped, match=said):
-        elastic.guard(sample)
-    elastic.guard(elastic._row(0, 0.0, Ledger(kinetic_striker=1e6 - 1, strain=1.0), 0, 0.0))
+        look(Ledger(**ledger))
+    look(Ledger(kinetic_striker=1e6 - 1, strain=1.0))
 
 
 @pytest.mark.parametrize(
