@@ -10,17 +10,17 @@ APT := [ "$$(id -u)" = 0 ] && as_root= || as_root="sudo -n"; \
 	apt() { $$as_root env DEBIAN_FRONTEND=noninteractive apt-get "$$@" >/dev/null 2>&1; }; \
 	apt_install() { apt update; apt install -y --no-install-recommends "$$@"; }
 
-.PHONY: impact test slow wheel lock bench bench-check vulkan clean
+.PHONY: impact test slow wheel lock bench bench-check docs vulkan browser clean
 
 impact: $(VENV)/.run vulkan
 	$(BIN)/ldem impact configs/impact_quick.toml --force
 	@echo "Pictures:"; ls outputs/impact_quick/*.png
 
-test: $(VENV)/.dev vulkan
+test: $(VENV)/.dev vulkan browser
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 # What takes minutes: fuzzing, kills, faults, installs.
 slow: $(VENV)/.dev vulkan
@@ -53,8 +53,18 @@ vulkan:
 			|| echo "No Vulkan device: install libvulkan1 and mesa-vulkan-drivers for snapshots."; \
 	fi
 
+# Reports are tested in a real browser.
+browser:
+	@if ! command -v chromium chromium-browser chrome >/dev/null; then \
+		$(APT); apt_install chromium || echo "No browser: install chromium to test reports in it."; \
+	fi
+
+# Fails on any warning: a missing page, a broken link.
+docs: $(VENV)/.dev
+	$(BIN)/mkdocs build --strict
+
 $(VENV)/.run: pyproject.toml $(VENV)/.made
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[report]'
 	@touch $@
 
 $(VENV)/.dev: pyproject.toml requirements-dev.lock $(VENV)/.made

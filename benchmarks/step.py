@@ -47,7 +47,7 @@ def main() -> None:
     simulation = Simulation(scene)
     dynamics = simulation.dynamics
     shape = (2, *dynamics.sites, 3)
-    exists = (dynamics.mass.to_numpy()[dynamics.lattice.code] > 0).transpose(3, 0, 1, 2)[..., None]
+    exists = dynamics.lattice.exists()[..., None]
     start = AMPLITUDE * exists * np.random.default_rng(0).uniform(-1, 1, shape)
     simulation.start_from(start, np.zeros(shape))
     simulation.sample_step()  # compiles all that a run needs

@@ -28,7 +28,7 @@ from taichi_ldem.provenance import canonical, provenance
 from taichi_ldem.scene import Scene, SceneError, parse_scene_text, scene_to_toml
 
 LATEST, PREVIOUS, NEW = "checkpoint.h5", "checkpoint.previous.h5", "checkpoint.new.h5"
-FORMAT = 1
+FORMAT = 2
 HEAD = 512
 MAGIC = "taichi_ldem checkpoint"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -74,6 +75,75 @@ def growth(figure: Figure, cracks: Cracks, area: np.ndarray[Any, Any]) -> tuple[
     return upper, middle, lower
 
 
+Panels = Sequence[tuple[str, Sequence[tuple[str, Cracks | None]]]]
+"""Rows of a sheet: a name, and the name and cracks of each panel."""
+
+
+def sheet(figure: Figure, rows: Panels, *, final: bool) -> None:
+    """Many maps to one scale, from below: the radial cracks at t2, or all cracks at the end.
+
+    Args:
+        final: the end, with the circle of d_c; otherwise t2, with tips and the circle of d_r.
+    """
+    across = max(len(panels) for _, panels in rows)
+    figure.set_size_inches(2.2 + 3.1 * max(2, across), 2.6 + 3.4 * len(rows))
+    grid = figure.subplots(len(rows), across, squeeze=False, sharex=True, sharey=True)
+    half = max((_reach(c) for _, panels in rows for _, c in panels if c is not None), default=1.0)
+    for line, (name, panels) in zip(grid, rows, strict=True):
+        for axes, (text, cracks) in zip(line, panels, strict=False):
+            _draw_panel(axes, text, cracks, final=final)
+            axes.set(xlim=(half, -half), ylim=(-half, half))
+        for axes in line[len(panels) :]:
+            axes.set_axis_off()
+        line[0].set_ylabel(f"{name}\n\ny [mm]")
+    for axes in grid[len(rows) - 1]:
+        axes.set_xlabel("x [mm]")
+    when = "at the end" if final else "at $t_2$ (or at the end, without failure)"
+    figure.suptitle(f"Cracks from below {when}", fontsize=15)
+    _sheet_legend(figure, final)
+
+
+def _draw_panel(axes: Axes, text: str, cracks: Cracks | None, *, final: bool) -> None:
+    axes.set_aspect("equal")
+    parts = [text] if text else []
+    if cracks is None:
+        axes.set_title("\n".join([*parts, "no crack"]), fontsize=12)
+        return
+    style: dict[str, Any] = {"color": _CIRCULAR if final else _RADIAL}
+    if final:
+        _draw_map(axes, cracks.through, cracks.map, math.inf)
+        circle, name = cracks.circular_circle, "$d_c$"
+    else:
+        _draw_map(axes, cracks.map, cracks.faint, cracks.radial_time)
+        circle, name = cracks.radial_circle, "$d_r$"
+        for crack in cracks.radial:
+            axes.plot(*(_MM * crack.tip), "o", markeredgecolor="white", markersize=7, **style)
+        parts.append(f"{len(cracks.radial)} radial cracks at {_MS * cracks.radial_time:.2f} ms")
+    if circle is not None:
+        axes.plot(*_circle_points(circle), "--", linewidth=1.6, **style)
+    size = "no circle" if circle is None else f"{name} = {_MM * circle.diameter:.1f} mm"
+    share = f", {100 * cracks.circular_coverage:.0f} % of the turn" if final else ""
+    axes.set_title("\n".join([*parts, size + share]), fontsize=12)
+    axes.set(xlabel="", ylabel="")
+
+
+def _sheet_legend(figure: Figure, final: bool) -> None:
+    from matplotlib.lines import Line2D
+
+    deep, less = ("two thirds", "a third") if final else ("a third", "a sixth")
+    handles: list[Line2D] = []
+    for shade, depth in ((0.45, deep), (0.82, less)):
+        text = f"cracked to {depth} of the thickness"
+        handles.append(Line2D([], [], ls="", marker="s", color=str(shade), ms=9, label=text))
+    color, name = (_CIRCULAR, "circular crack, $d_c$") if final else (_RADIAL, "tips, $d_r$")
+    if not final:
+        text = "tips of the radial cracks"
+        handles.append(Line2D([], [], ls="", marker="o", color=color, ms=7, label=text))
+    handles.append(Line2D([], [], ls="--", color=color, label=f"circle fitted to the {name}"))
+    handles.append(Line2D([], [], ls="", marker="+", color="black", ms=12, label="striker's axis"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=12)
+
+
 def _draw_map(axes: Axes, dark: CrackMap, pale: CrackMap, until: float) -> None:
     """What is cracked at a time in grey, and what is less deeply cracked in pale grey."""
     x, y = (_MM * 0.5 * n * dark.spacing for n in dark.arrival.shape)
@@ -94,13 +164,18 @@ def _draw_map(axes: Axes, dark: CrackMap, pale: CrackMap, until: float) -> None:
 
 def _zoom(axes: Axes, cracks: Cracks) -> None:
     """Both panels show the same square around all cracks, from below: x points to the left."""
-    radius = np.where(np.isfinite(cracks.map.arrival), cracks.map.radius(), 0.0).max()
-    circles = [c for c in (cracks.radial_circle, cracks.circular_circle) if c is not None]
-    reach = [math.dist((c.x, c.y), cracks.map.axis) + c.diameter / 2 for c in circles]
-    half = 1.15 * _MM * max(radius, 2 * cracks.map.thickness, *reach, 0.0)
+    half = _reach(cracks)
     x, y = _MM * cracks.map.axis
     axes.set_xlim(x + half, x - half)
     axes.set_ylim(y - half, y + half)
+
+
+def _reach(cracks: Cracks) -> float:
+    """Half of the side of a square about the axis that holds all cracks and circles, mm."""
+    radius = np.where(np.isfinite(cracks.map.arrival), cracks.map.radius(), 0.0).max()
+    circles = [c for c in (cracks.radial_circle, cracks.circular_circle) if c is not None]
+    reach = [math.dist((c.x, c.y), cracks.map.axis) + c.diameter / 2 for c in circles]
+    return float(1.15 * _MM * max(radius, 2 * cracks.map.thickness, *reach, 0.0))
 
 
 def _draw_radial(axes: Axes, cracks: Cracks) -> None:
@@ -140,10 +215,14 @@ def _draw_circular(axes: Axes, cracks: Cracks) -> None:
 def _draw_circle(axes: Axes, circle: Circle | None, color: str, name: str) -> None:
     if circle is None:
         return
-    angle = np.linspace(0.0, 2 * np.pi, 361)
-    x, y, radius = _MM * circle.x, _MM * circle.y, _MM * circle.diameter / 2
-    label = f"{name} = {2 * radius:.1f} mm, points within {_MM * circle.scatter:.1f} mm (rms)"
-    axes.plot(
-        x + radius * np.cos(angle), y + radius * np.sin(angle), "--", color=color, label=label
-    )
+    x, y, diameter = _MM * circle.x, _MM * circle.y, _MM * circle.diameter
+    label = f"{name} = {diameter:.1f} mm, points within {_MM * circle.scatter:.1f} mm (rms)"
+    axes.plot(*_circle_points(circle), "--", color=color, label=label)
     axes.plot(x, y, "x", color=color, markersize=9, label=f"its centre ({x:.1f}, {y:.1f}) mm")
+
+
+def _circle_points(circle: Circle) -> np.ndarray[Any, Any]:
+    """(2, n) points of a circle, mm."""
+    angle = np.linspace(0.0, 2 * np.pi, 361)
+    round_ = np.array([np.cos(angle), np.sin(angle)])
+    return _MM * (np.array([[circle.x], [circle.y]]) + circle.diameter / 2 * round_)

@@ -5,7 +5,11 @@ from rich.table import Table
 from rich.text import Text
 
 from taichi_ldem import material as mat
-from taichi_ldem.scene import Scene
+from taichi_ldem.disorder import cv_from_shape, shape_of, varies
+from taichi_ldem.scene import DISORDERED, Scene
+
+RESOLVED = 4
+"""Modules that a correlation length should span."""
 
 
 def implied(scene: Scene) -> dict[str, str]:
@@ -70,6 +74,12 @@ def warnings(scene: Scene) -> list[str]:
             "full bars on the faces (plate.surface_weights = false): stiffer and tougher faces, "
             "as the paper's model most likely had"
         )
+    length = scene.disorder.correlation_length if scene.disorder is not None else 0.0
+    if 0 < length < RESOLVED * plate.spacing:
+        lines.append(
+            f"disorder.correlation_length is {length / plate.spacing:.2g} modules: below "
+            f"{RESOLVED} the statistics of strength depend on the module size"
+        )
     if scene.solver.allow_unstable:
         lines.append(
             "solver.allow_unstable = true: the time step is not held below the critical one"
@@ -79,16 +89,37 @@ def warnings(scene: Scene) -> list[str]:
 
 def left_out(scene: Scene) -> list[str]:
     """Features that the scene does not name, and why: neither allocated nor compiled."""
+    uneven = {name for name in DISORDERED if varies(scene, name)}
     absent = {
         "bar history and broken-bar record (material.damage = false)": not scene.material.damage,
         "damping (solver.damping = 0)": scene.solver.damping == 0,
         "removed bars (no [[notch]])": not scene.notch,
+        "strength of every bar (no disorder of fracture_energy or youngs_modulus, or no damage)": (
+            not scene.material.damage or not uneven - {"density"}
+        ),
+        "modulus of every bar (no disorder.youngs_modulus_cv)": "youngs_modulus" not in uneven,
+        "mass of every node (no disorder.density_cv)": "density" not in uneven,
         "striker contact (no [striker])": scene.striker is None,
         "clamp contact (no [clamp], or free)": not scene.held,
         "grips and gauge (no [grips])": scene.grips is None,
         "support contact (no [supports])": scene.supports is None,
     }
     return [name for name, missing in absent.items() if missing]
+
+
+def _disorder(scene: Scene, drawn: dict[str, tuple[float, float]]) -> dict[str, str]:
+    """Mean and CV of the fields that were drawn, beside what was asked for."""
+    rows = {}
+    units = {"fracture_energy": (1.0, "J/m2"), "youngs_modulus": (1e-9, "GPa")}
+    for name, (mean, cv) in drawn.items():
+        shape = shape_of(scene.disorder, name)
+        assert shape is not None
+        scale, unit = units.get(name, (1.0, "kg/m3"))
+        rows[f"drawn {name}"] = (
+            f"mean {scale * mean * getattr(scene.material, name):.5g} {unit}, CV {100 * cv:.2f} % "
+            f"(Weibull shape {shape:.4g}: {100 * cv_from_shape(shape):.2f} %)"
+        )
+    return rows
 
 
 def describe(scene: Scene) -> Group:
@@ -112,6 +143,7 @@ def describe(scene: Scene) -> Group:
         f"({simulation.time_step / simulation.critical_time_step:.2f} of the critical one)",
         "steps": f"{simulation.steps:,}",
     }
+    rows |= _disorder(scene, simulation.drawn)
     if scene.scenario == "modes":  # does not step in time
         del rows["time step"], rows["steps"]
     table = Table("quantity", "value", title="what the inputs imply")

@@ -138,11 +138,17 @@ class Features:
         law: name of the softening law, or None for an elastic lattice.
         damping: mass-proportional damping.
         notch: bars removed from the start.
+        strength: every bar has an eps_p of its own.
+        modulus: every bar has a Young's modulus of its own.
+        density: every node has a mass of its own.
     """
 
     law: str | None = None
     damping: bool = False
     notch: bool = False
+    strength: bool = False
+    modulus: bool = False
+    density: bool = False
 
     @property
     def damage(self) -> bool:
@@ -168,11 +174,16 @@ class Dynamics:
         velocity: [sublattice][axis] S, m/s, half a step behind the displacement.
         axial: [bar] (strips, rows, nz + 3, columns), axial force over current length, N/m.
         code: S, the lattice's byte.
-        peak: [bar] S, largest strain over eps_p so far (with damage).
+        peak: [bar] S, largest strain over the bar's eps_p so far (with damage).
         touched: one a column, 1 where a bar has ever passed eps_p or was removed: only there is
             a bar more than elastic.
         recorded: S, one bit for each bar already reported broken (with damage).
         removed: S, one bit for each bar cut by a notch (with a notch).
+        strength: [bar] S, eps_p over the families' (with disorder of it).
+        weakest: one a column, the smallest strength of its bars: a cheap test, which spares most
+            columns a look at every bar's.
+        modulus: [bar] S, Young's modulus over the mean (with disorder of it).
+        own_mass, own_inverse_mass: [sublattice] S, kg, 1/kg (with disorder of density).
         damped: [sublattice] S, energy lost by damping at each node, J (with damping).
         moving: 2-vectors in f64: kinetic energy and energy lost by damping at t_n, J, of the last
             measured step; one for each row j, or on a GPU for each piece of a row (j, k).
@@ -229,6 +240,14 @@ class Dynamics:
             self.removed = field_apart(ti.u16, self.shape, self.lanes.width)
         if features.damping:
             self.damped = [self._field(*self.shape) for _ in "ab"]
+        if features.strength:
+            self.strength = [self._field(*self.shape) for _ in range(BARS_PER_SITE)]
+            self.weakest = ti.field(float, shape=self.shape)
+        if features.modulus:
+            self.modulus = [self._field(*self.shape) for _ in range(BARS_PER_SITE)]
+        if features.density:
+            self.own_mass = [self._field(*self.shape) for _ in "ab"]
+            self.own_inverse_mass = [self._field(*self.shape) for _ in "ab"]
         self.code.from_numpy(self.lanes.spread(lattice.code))
         self.set_bars(bars)
         self.set_density(density)
@@ -263,6 +282,51 @@ class Dynamics:
         self.mass.from_numpy(mass.astype(self.numpy_float()))
         self.inverse_mass.from_numpy(inverse.astype(self.numpy_float()))
 
+    def set_strength(self, strength: npt.NDArray[np.float64]) -> None:
+        """Give every bar its eps_p over the families': (nz + 3, ny + 3, nx + 3, 14)."""
+        exists = bar_weights(False)[self.lattice.code] > 0
+        self._fill(self.strength, strength)
+        stored = self.lanes.spread(np.moveaxis(np.where(exists, strength, np.inf), -1, 0))
+        weakest = stored.min(axis=(0, -1))
+        weakest[np.isinf(weakest)] = 1.0
+        # a hair below: the test compares forces, the history strains
+        self.weakest.from_numpy((weakest * (1 - 1e-6)).astype(self.numpy_float()))
+
+    def set_modulus(self, modulus: npt.NDArray[np.float64]) -> None:
+        """Give every bar its modulus over the mean: (nz + 3, ny + 3, nx + 3, 14)."""
+        self._fill(self.modulus, modulus)
+
+    def _fill(self, bars: list[ti.MatrixField], values: npt.NDArray[np.float64]) -> None:
+        """Fill the fields of the fourteen bars from (S, 14) values."""
+        for bar, field in enumerate(bars):
+            stored = self.lanes.spread(np.ascontiguousarray(values[..., bar]))
+            field.from_numpy(stored.astype(self.numpy_float()))
+
+    def set_own_density(self, density: float, factor: npt.NDArray[np.float64]) -> None:
+        """Give every node the masses of the modules around it.
+
+        Args:
+            density: mean, kg/m3.
+            factor: (nz, ny, nx) each module's density over it.
+        """
+        module = density * self.lattice.spacing**3 * np.where(self.lattice.mask, factor, 0.0)
+        nz, ny, nx = module.shape
+        mass = np.zeros((2, *self.sites))
+        mass[1, 1 : 1 + nz, 1 : 1 + ny, 1 : 1 + nx] = module / 2
+        for dz, dy, dx in np.ndindex(2, 2, 2):
+            mass[0, 1 + dz : 1 + dz + nz, 1 + dy : 1 + dy + ny, 1 + dx : 1 + dx + nx] += module / 16
+        inverse = np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0)
+        for fields, values in ((self.own_mass, mass), (self.own_inverse_mass, inverse)):
+            for field, part in zip(fields, values, strict=True):
+                field.from_numpy(self.lanes.spread(part).astype(self.numpy_float()))
+
+    def masses(self) -> npt.NDArray[np.float64]:
+        """(2, nz + 3, ny + 3, nx + 3) masses of all nodes, kg; 0 where there is none."""
+        if self.features.density:
+            rows = [self.lanes.gather(field.to_numpy()) for field in self.own_mass]
+            return np.stack(rows).astype(np.float64)
+        return np.moveaxis(self.mass.to_numpy()[self.lattice.code], -1, 0).astype(np.float64)
+
     def set_removed(self, removed: npt.NDArray[np.uint16]) -> None:
         """Remove bars, one bit each: (nz + 3, ny + 3, nx + 3)."""
         stored = self.lanes.spread(removed)
@@ -270,26 +334,34 @@ class Dynamics:
         self.touched.from_numpy((stored.any(axis=-1)).astype(np.uint8))
 
     def set_peak(self, peak: npt.NDArray[np.float64]) -> None:
-        """Age bars to peak strains over eps_p: (nz + 3, ny + 3, nx + 3, 14)."""
+        """Age bars to peak strains over their eps_p: (nz + 3, ny + 3, nx + 3, 14)."""
         stored = self.lanes.spread(np.moveaxis(peak, -1, 0))
         for field, values in zip(self.peak, stored, strict=True):
             field.from_numpy(values.astype(self.numpy_float()))
-        touched = (stored > 1).any(axis=(0, -1)) | (self.touched.to_numpy() != 0)
+        self._touch(stored)
+
+    def _touch(self, peak: npt.NDArray) -> None:
+        """Mark the columns with a bar beyond its eps_p, from (14, *S) peak strains over it."""
+        touched = (peak > 1).any(axis=(0, -1)) | (self.touched.to_numpy() != 0)
         self.touched.from_numpy(touched.astype(np.uint8))
 
-    EVOLVING = ("velocity", "peak", "touched", "recorded", "damped")
+    EVOLVING = ("velocity", "peak", "recorded", "damped")
     """Fields that carry the state from one step to the next, where a scene has them, beside the
-    displacement at ``now``: the bar forces and the other buffer are overwritten in every step."""
+    displacement at ``now``: the bar forces and the other buffer are overwritten in every step, and
+    ``touched`` follows from the peak strains."""
 
     def saved_state(self, now: int) -> dict[str, npt.NDArray]:
-        """Copies of what the next step starts from, between two steps, as it is stored."""
+        """Copies of what the next step starts from, between two steps: (fields of a name, *sites).
+
+        As the lattice has them, not as they lie in lanes, which are of the machine.
+        """
         fields = self.fields()
         saved = {
-            name: np.stack([field.to_numpy() for field in fields[name]])
+            name: np.stack([self.lanes.gather(field.to_numpy()) for field in fields[name]])
             for name in self.EVOLVING
             if name in fields
         }
-        moved = [field.to_numpy()[now] for field in fields["displacement"]]
+        moved = [self.lanes.gather(field.to_numpy()[now]) for field in fields["displacement"]]
         return saved | {"displacement": np.stack(moved)}
 
     def restore_state(self, saved: Mapping[str, npt.NDArray]) -> None:
@@ -297,7 +369,9 @@ class Dynamics:
         both = {"displacement": np.stack([saved["displacement"]] * 2, axis=1)}
         for name, values in (saved | both).items():  # type: ignore[operator]
             for field, part in zip(self.fields()[name], values, strict=True):
-                field.from_numpy(np.ascontiguousarray(part))
+                field.from_numpy(self.lanes.spread(part))
+        if self.features.damage:
+            self._touch(self.lanes.spread(saved["peak"]))
 
     @staticmethod
     def numpy_float() -> type[np.floating]:
@@ -312,6 +386,38 @@ class Dynamics:
     def lane_values(self, table: ti.template(), code, entry: ti.template()):
         """A table's entry for the byte of each lane."""
         return ti.Vector([table[int(code[n])][entry] for n in ti.static(range(self.lanes.width))])
+
+    @ti.func
+    def lane_masses(self, s: ti.template(), k, j, m):
+        """Masses of a column's corner or centre nodes, kg."""
+        mass = self.lane_values(self.mass, self.code[k, j, m], s)
+        if ti.static(self.features.density):
+            mass = self.own_mass[s][k, j, m]
+        return mass
+
+    @ti.func
+    def lane_inverse_masses(self, s: ti.template(), k, j, m):
+        """Inverse masses of a column's corner or centre nodes, 1/kg."""
+        inverse = self.lane_values(self.inverse_mass, self.code[k, j, m], s)
+        if ti.static(self.features.density):
+            inverse = self.own_inverse_mass[s][k, j, m]
+        return inverse
+
+    @ti.func
+    def bar_stiffnesses(self, bar: ti.template(), k, j, m):
+        """EA/L of a bar in every lane, N/m; 0 where there is none."""
+        whole = self.lane_values(self.stiffness, self.code[k, j, m], ti.static(STIFFNESS_KIND[bar]))
+        if ti.static(self.features.modulus):
+            whole *= self.modulus[bar][k, j, m]
+        return whole
+
+    @ti.func
+    def own_peak_strain(self, bar: ti.template(), k, j, m, lane, peak_strain):
+        """A bar's eps_p, given the families'."""
+        own = peak_strain
+        if ti.static(self.features.strength):
+            own = peak_strain * self.strength[bar][k, j, m][lane]
+        return own
 
     @ti.func
     def difference(self, bar: ti.template(), axis: ti.template(), now, k, j, m):
@@ -396,8 +502,9 @@ class Dynamics:
                 if ti.static(self.features.damage):
                     if share > 0:
                         peak = self.peak[bar][k, j, m][lane]
-                        if strain[lane] > peak * peak_strain:
-                            peak = strain[lane] / peak_strain
+                        own = self.own_peak_strain(bar, k, j, m, lane, peak_strain)
+                        if strain[lane] > peak * own:
+                            peak = strain[lane] / own
                             self.peak[bar][k, j, m][lane] = peak
                         share = self.integrity(bar, strain[lane], peak)
                 if share < 1:
@@ -405,19 +512,31 @@ class Dynamics:
                     self.axial[bar][strip, row, k, m][lane] = share * whole
 
     @ti.func
+    def passed(self, force, k, j, m, peak_strain):
+        """Whether any bar of a column pulls more than at its own eps_p."""
+        excess = ti.Vector.zero(float, self.lanes.width)
+        for bar in ti.static(range(BARS_PER_SITE)):
+            pull = ti.Vector([force[bar, n] for n in ti.static(range(self.lanes.width))])
+            own = peak_strain * self.strength[bar][k, j, m]
+            excess = ti.max(excess, pull + (pull - self.bar_stiffnesses(bar, k, j, m)) * own)
+        return excess.max() > 0
+
+    @ti.func
     def column_forces(self, strip, row, now, k, j, m, spacing, peak_strain):
         """Axial force over current length of the fourteen bars of a column's sites.
 
         With r = l / L0 = sqrt(1 + q), EA/L0 (r - 1) / r = EA/L0 q / (r^2 + r).
         """
-        code = self.code[k, j, m]
         force = ti.Matrix.zero(float, BARS_PER_SITE, self.lanes.width)
         # how far the forces are above that of a bar at eps_p; a bar that does not exist (stiffness
         # 0) ends at a ghost node, which stays at rest, and never is
         excess = ti.Vector.zero(float, self.lanes.width)
-        allowed = 1 / (1 + 1 / peak_strain)
+        least = peak_strain
+        if ti.static(self.features.strength):
+            least = peak_strain * self.weakest[k, j, m]
+        allowed = 1 / (1 + 1 / least)
         for bar in ti.static(range(BARS_PER_SITE)):
-            whole = self.lane_values(self.stiffness, code, ti.static(STIFFNESS_KIND[bar]))
+            whole = self.bar_stiffnesses(bar, k, j, m)
             q = self.stretch(bar, now, k, j, m, spacing)
             square = ti.max(1 + q, TINY)
             pull = (whole * q) / (square + ti.sqrt(square))
@@ -431,8 +550,14 @@ class Dynamics:
                 self.axial[bar][strip, row, k, m][lane] = force[bar, lane]
         if ti.static(self.features.history):
             soft = self.touched[k, j, m] != 0
+            close = False
             for lane in ti.static(range(self.lanes.width)):
-                soft |= excess[lane] > 0
+                close |= excess[lane] > 0
+            if ti.static(self.features.strength):
+                if close and not soft:
+                    soft = self.passed(force, k, j, m, peak_strain)
+            else:
+                soft |= close
             if soft:
                 self.soften(strip, row, now, k, j, m, spacing, peak_strain)
 
@@ -513,16 +638,6 @@ class Dynamics:
             half = 0.5 * damping * kick
             after = (after - half * before) / (1 + half)
         return after
-
-    @ti.func
-    def lane_masses(self, s: ti.template(), k, j, m):
-        """Masses of a column's corner or centre nodes, kg."""
-        return self.lane_values(self.mass, self.code[k, j, m], s)
-
-    @ti.func
-    def lane_inverse_masses(self, s: ti.template(), k, j, m):
-        """Inverse masses of a column's corner or centre nodes, 1/kg."""
-        return self.lane_values(self.inverse_mass, self.code[k, j, m], s)
 
     @ti.func
     def move_column(
@@ -737,6 +852,9 @@ class Dynamics:
         """Mass of a node, kg; 0 where there is none."""
         m, lane = self.column_of(i)
         mass = self.mass[int(self.code[k, j, m][lane])]
+        if ti.static(self.features.density):
+            for sublattice in ti.static((CORNER, CENTRE)):
+                mass[sublattice] = self.own_mass[sublattice][k, j, m][lane]
         chosen = mass[CORNER]
         if s == CENTRE:
             chosen = mass[CENTRE]
@@ -848,8 +966,7 @@ class Dynamics:
 
     def get_force(self, now: int) -> npt.NDArray[np.float64]:
         """(2, nz + 3, ny + 3, nx + 3, 3) sum of the bar forces at all nodes, N; see above."""
-        mass = np.moveaxis(self.mass.to_numpy()[self.lattice.code], -1, 0)
-        return mass[..., None] * self.get_acceleration(now)
+        return self.masses()[..., None] * self.get_acceleration(now)
 
     @ti.kernel
     def collect_broken(self, found: ti.types.ndarray(), count: ti.types.ndarray()):

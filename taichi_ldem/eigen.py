@@ -46,7 +46,15 @@ START_STEPS = 5
 GUARDS = 4
 """Vectors beyond those asked for: the last ones of a block converge slowest."""
 
-ROUND, ROUNDS = 8, 8
+PART = 16
+"""Most vectors that LOBPCG works on at a time, from the lowest that has not converged: it keeps
+about fourteen blocks of them, which is what memory goes into (a vector of the paper's plate at six
+modules has 9.2 MB)."""
+
+ROWS = 1 << 16
+"""Rows of a block of vectors that are combined at a time, so that no second block is needed."""
+
+ROUND, ROUNDS = 8, 12
 """LOBPCG iterations between looks at the residuals, and most such rounds: low modes that have
 converged are left alone then, and guards need not converge. SciPy returns the iterate whose largest
 residual is least; a mode that the start had missed enters with a large one, and a shorter round
@@ -95,8 +103,7 @@ class TangentOperator:
         exists = lattice.exists().ravel()
         exists[fixed] = False
         self.nodes = np.flatnonzero(exists)
-        mass = np.moveaxis(dynamics.mass.to_numpy()[lattice.code], -1, 0)
-        self.root_mass = np.sqrt(mass.ravel()[self.nodes])
+        self.root_mass = np.sqrt(dynamics.masses().ravel()[self.nodes])
         self.size = 3 * len(self.nodes)
         self.applied = 0
         self._motion = np.zeros((2, *lattice.sites, 3))
@@ -169,6 +176,8 @@ def stiffness(dynamics: "Dynamics", basis: Any = None) -> Any:
     total = sparse.csr_matrix((3 * basis.shape[1],) * 2)
     for bar, vector in enumerate(BAR_VECTORS):
         k = kinds[:, min(bar, DIAGONAL.start)]
+        if dynamics.features.modulus:
+            k = k * dynamics.lanes.gather(dynamics.modulus[bar].to_numpy()).ravel()
         if removed is not None:
             k = np.where((removed >> bar) & 1, 0.0, k)
         at = np.flatnonzero(k)
@@ -279,16 +288,18 @@ class TwoGrid:
 
     def __call__(self, wanted: Array) -> Array:
         """Apply to the columns of (size, m), or to a vector."""
-        columns = wanted.reshape(len(wanted), -1)
-        x, rest = np.empty_like(columns), np.empty_like(columns)
-        for n, column in enumerate(np.ascontiguousarray(columns.T)):
-            x[:, n], rest[:, n] = self._smooth(column)
-        x += self.prolong(self.factor.solve(self.restrict(rest)))
-        for n, (column, guess) in enumerate(
-            zip(np.ascontiguousarray(columns.T), np.ascontiguousarray(x.T), strict=True)
-        ):
-            x[:, n], _ = self._smooth(column, guess)
-        return x.reshape(wanted.shape)
+        columns = np.ascontiguousarray(wanted.reshape(len(wanted), -1).T)  # now rows
+        x = np.empty_like(columns)
+        coarse = np.empty((self.stiffness.shape[0], len(columns)))
+        for n, column in enumerate(columns):
+            x[n], rest = self._smooth(column)
+            coarse[:, n] = self.restrict(rest[:, None])[:, 0]
+        coarse = self.factor.solve(coarse)
+        for n, column in enumerate(columns):
+            x[n] += self.prolong(coarse[:, n : n + 1])[:, 0]
+            x[n], _ = self._smooth(column, x[n])
+        del columns
+        return np.ascontiguousarray(x.T).reshape(wanted.shape)
 
     def restrict(self, vectors: Array) -> Array:
         """Columns of (size, m) to those of the coarse grid."""
@@ -365,9 +376,10 @@ def lowest(
     locked = np.zeros(size, dtype=bool)
     goal = 0.1 * TOLERANCE * shift
     for _ in range(ROUNDS):
-        vectors[:, ~locked] = _lobpcg(inverse, vectors[:, ~locked], vectors[:, locked], goal)
+        part = np.flatnonzero(~locked)[:PART]
+        vectors[:, part] = _lobpcg(inverse, vectors[:, part], vectors[:, locked], goal)
         done += ROUND
-        values, vectors, residuals, scale = _ritz(operator, vectors, shift)
+        values, residuals, scale = _ritz(operator, vectors, shift)
         first = int(np.argmax(residuals > TOLERANCE))  # not converged, 0 where all are
         # the others are kept orthogonal to those locked, whose errors must be small against theirs
         goal = 0.1 * TOLERANCE * scale[first]
@@ -417,20 +429,23 @@ def _lobpcg(inverse: TwoGrid, vectors: Array, locked: Array, goal: float) -> Arr
     return np.asarray(better, dtype=np.float64)
 
 
-def _ritz(
-    operator: TangentOperator, vectors: Array, shift: float
-) -> tuple[Array, Array, Array, Array]:
-    """Ritz values, ascending, their orthonormal vectors, relative residuals (see ``Modes``).
+def _ritz(operator: TangentOperator, vectors: Array, shift: float) -> tuple[Array, Array, Array]:
+    """Ritz values, ascending, relative residuals (see ``Modes``), and what these are relative to.
 
-    And what the residuals are relative to.
+    Args:
+        vectors: replaced by the Ritz vectors, orthonormal.
     """
     from scipy.linalg import eigh
 
     image = each(operator, vectors)
     solved: Any = eigh(vectors.T @ image, vectors.T @ vectors)
     values, turn = solved
-    vectors, image = vectors @ turn, image @ turn
-    image -= values * vectors
+    squares = np.zeros(len(values))
+    for start in range(0, len(vectors), ROWS):
+        rows = slice(start, start + ROWS)
+        vectors[rows] = vectors[rows] @ turn
+        rest = image[rows] @ turn - values * vectors[rows]
+        squares += np.einsum("nm,nm->m", rest, rest)
     elastic = values[values > 1e-3 * shift]
     scale = np.maximum(values, elastic[0] if len(elastic) else shift)
-    return values, vectors, np.linalg.norm(image, axis=0) / scale, scale
+    return values, np.sqrt(squares) / scale, scale

@@ -94,6 +94,8 @@ class EnergySums:
         """Strain energy and dissipated energy of a bar (J) at a strain, and 1 if it is broken."""
         code = int(self.dynamics.code[k, j, m][lane])
         whole = self.dynamics.stiffness[code][ti.static(STIFFNESS_KIND[bar])]
+        if ti.static(self.dynamics.features.modulus):
+            whole *= self.dynamics.modulus[bar][k, j, m][lane]
         if ti.static(self.dynamics.features.notch):
             if (self.dynamics.removed[k, j, m][lane] >> bar) & 1:
                 whole = 0.0
@@ -104,7 +106,8 @@ class EnergySums:
             peak = self.dynamics.peak[bar][k, j, m][lane]
             if peak > 1:
                 result[0] *= self.dynamics.integrity(bar, e, peak)
-                result[1] = twice * peak_strain**2 * self.dynamics.dissipated(bar, peak)
+                own = self.dynamics.own_peak_strain(bar, k, j, m, lane, peak_strain)
+                result[1] = twice * own**2 * self.dynamics.dissipated(bar, peak)
                 failure = self.dynamics.softening[ti.static(self.dynamics.softening_row(bar))][0]
                 if whole > 0 and peak >= failure:
                     result[2] = 1.0

@@ -31,7 +31,7 @@ class Gauge:
         lattice, spacing = dynamics.lattice, dynamics.lattice.spacing
         turn = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
         along, across = turn @ lattice.positions()[..., :2].reshape(-1, 2).T
-        mass = np.moveaxis(dynamics.mass.to_numpy()[lattice.code], -1, 0).astype(np.float64).ravel()
+        mass = dynamics.masses().ravel()
         corner = (mass > 0) & (np.arange(len(mass)) < len(mass) // 2)
         reach = (0.5 + 1e-6) * spacing
         middle = corner & (np.abs(along) <= 0.5 * length + 1e-6 * spacing)

@@ -12,9 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-LANE_BYTES = 16
-"""Bytes of a column: a register that every x86-64 and ARM processor has, and what LLVM uses on a
-processor that it does not know."""
+from taichi_ldem.processor import vector_bytes
 
 HALO = 2
 """A bar at a halo column is evaluated again from its ends, one column further out."""
@@ -34,8 +32,8 @@ class Lanes:
 
     @staticmethod
     def fitting(sites: int, item_bytes: int) -> "Lanes":
-        """As many lanes as fill LANE_BYTES and leave pieces that only neighbours overlap."""
-        width = LANE_BYTES // item_bytes
+        """As many lanes as fill a register and leave pieces that only neighbours overlap."""
+        width = vector_bytes() // item_bytes
         while width > 1 and -(-(sites - 2) // width) < 2 * HALO:
             width //= 2
         return Lanes(sites, width)

@@ -17,6 +17,8 @@ from typing import Any
 
 import taichi as ti
 
+from taichi_ldem.scene import LAW_NAMES
+
 CUT_OFF = 0.01
 """Share of the peak force at which an exponentially softening bar is removed."""
 
@@ -66,3 +68,17 @@ LAWS = {
     "bilinear": Law(_bilinear, _bilinear_area, lambda ductility: (ductility, 0.0)),
     "exponential": Law(_exponential, _exponential_area, _exponential_parameters),
 }
+
+
+def register(name: str, law: Law) -> None:
+    """Make a law known to scenes as ``material.law = name``.
+
+    A law that dissipates K_r / 2 for every K_r > 1 costs G_f A^f a bar, as the built-in ones do.
+
+    Raises:
+        ValueError: the name is taken.
+    """
+    if name in LAWS:
+        raise ValueError(f"there is a law '{name}' already")
+    LAWS[name] = law
+    LAW_NAMES.append(name)

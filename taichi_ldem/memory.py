@@ -5,10 +5,12 @@ from __future__ import annotations
 import contextlib
 import math
 import os
+import sys
 from pathlib import Path
 
+from taichi_ldem.disorder import varies
 from taichi_ldem.lanes import Lanes
-from taichi_ldem.scene import Scene, SceneError
+from taichi_ldem.scene import DISORDERED, Scene, SceneError
 
 BASE = 250e6
 """Bytes of the interpreter, Taichi's compiler and the libraries: 230 MB measured."""
@@ -34,8 +36,16 @@ def field_bytes(scene: Scene) -> int:
         size += 2
     if scene.solver.damping > 0:
         size += 2 * real
-    touched = 1 if damage or notch else 0
-    return nz * ny * lanes.columns * (lanes.width * size + touched)
+    uneven = {name for name in DISORDERED if varies(scene, name)}
+    column = 1 if damage or notch else 0  # touched
+    if damage and uneven - {"density"}:
+        size += 14 * real  # strength
+        column += real  # weakest
+    if "youngs_modulus" in uneven:
+        size += 14 * real
+    if "density" in uneven:
+        size += 4 * real
+    return nz * ny * lanes.columns * (lanes.width * size + column)
 
 
 def _lanes(scene: Scene, sites: int) -> tuple[Lanes, int]:
@@ -129,3 +139,13 @@ def _limit_of_process() -> int | None:
             taken = int(Path("/proc/self/statm").read_text().split()[0])
             return max(limit - taken * resource.getpagesize(), 0)
     return None
+
+
+def peak_bytes() -> int | None:
+    """Largest resident memory of this process so far, bytes; None where the system does not say."""
+    if sys.platform == "win32":
+        return None
+    import resource
+
+    largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return largest if sys.platform == "darwin" else 1024 * largest

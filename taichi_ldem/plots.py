@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_ldem.lattice import dumbbell_half_width
+from taichi_ldem.paper import P1_N, P2_N, T1_S, T2_LDEM_S, T2_S, V_MAX_S, is_papers_test
 from taichi_ldem.scene import Plate, Scene, load_scene
 from taichi_ldem.signals import SMOOTHING_WINDOW, low_pass, smooth_force
 from taichi_ldem.store import RunFolder, read_broken_bars, read_fields, read_times
@@ -40,11 +41,6 @@ STYLE: dict[Any, Any] = {
     "legend.frameon": False,
 }
 
-# The experiments: first peak, box of the second peak and failure, time of the largest velocity.
-_P1_N, _T1_S = 600.0, 1.75e-3
-_P2_N, _T2_S = (600.0, 830.0), (6.4e-3, 9.4e-3)
-_V_MAX_S = 0.8e-3
-_T2_LDEM_S = 7.5e-3  # the paper's model
 _E_PA, _STRENGTH_PA, _SCATTER = 3.35e9, 75e6, 0.15  # its tension tests, Section 3.2
 _BEAM_WINDOW = 60e-6  # smooths the swinging of a beam of the paper's size between its contacts
 
@@ -65,12 +61,7 @@ class _Run:
     @property
     def is_papers_test(self) -> bool:
         """Whether the scene has the plate, striker and speed of the paper's test."""
-        striker, plate = self.scene.striker, self.scene.plate
-        if striker is None or plate.shape != "rectangle":
-            return False
-        has = (*plate.size, striker.diameter, striker.mass, striker.velocity)
-        test = (92.8e-3, 92.8e-3, 3.2e-3, 12.7e-3, 18.49, 1.065)
-        return all(math.isclose(a, b, rel_tol=1e-6) for a, b in zip(has, test, strict=True))
+        return is_papers_test(self.scene)
 
     @cached_property
     def cracks(self) -> Cracks | None:
@@ -181,7 +172,7 @@ def _draw_force(figure: Figure, run: _Run) -> None:
     if run.is_papers_test:
         _mark_papers_force(axes)
     # Single samples may run out of the picture rather than flatten the curve; a note tells.
-    top = 1.25 * max(smooth.max(), _P2_N[1] if run.is_papers_test else 1e-9)
+    top = 1.25 * max(smooth.max(), P2_N[1] if run.is_papers_test else 1e-9)
     if run.is_beam:  # which swings rather than rattles
         top = 1.05 * max(force.max(), 1e-9)
     bottom = max(1.05 * lowest, -0.15 * top)
@@ -228,14 +219,14 @@ def _mark_peaks(axes: Axes, run: _Run) -> None:
 def _mark_papers_force(axes: Axes) -> None:
     from matplotlib.patches import Rectangle
 
-    first = f"experiments, $P_1$ ~ {_P1_N:.0f} N at {_MS * _T1_S:g} ms"
-    axes.plot(_MS * _T1_S, _P1_N, "D", color="C3", markersize=9, fillstyle="none", label=first)
-    corner = (_MS * _T2_S[0], _P2_N[0])
-    sides = (_MS * (_T2_S[1] - _T2_S[0]), _P2_N[1] - _P2_N[0])
+    first = f"experiments, $P_1$ ~ {P1_N:.0f} N at {_MS * T1_S:g} ms"
+    axes.plot(_MS * T1_S, P1_N, "D", color="C3", markersize=9, fillstyle="none", label=first)
+    corner = (_MS * T2_S[0], P2_N[0])
+    sides = (_MS * (T2_S[1] - T2_S[0]), P2_N[1] - P2_N[0])
     second = "experiments, $P_2$ and $t_2$"
     axes.add_patch(Rectangle(corner, *sides, color="C3", alpha=0.15, linewidth=0, label=second))
-    label = f"paper's LDEM, $t_2$ ~ {_MS * _T2_LDEM_S:g} ms"
-    axes.axvline(_MS * _T2_LDEM_S, color="C3", linestyle="--", linewidth=1.2, label=label)
+    label = f"paper's LDEM, $t_2$ ~ {_MS * T2_LDEM_S:g} ms"
+    axes.axvline(_MS * T2_LDEM_S, color="C3", linestyle="--", linewidth=1.2, label=label)
 
 
 def _draw_velocity(figure: Figure, run: _Run) -> None:
@@ -244,12 +235,12 @@ def _draw_velocity(figure: Figure, run: _Run) -> None:
     axes.plot(run.time_ms, velocity, color="C0", label="striker, positive towards the plate")
     _mark_times(axes, run)
     if run.is_papers_test:
-        label = f"experiments, largest velocity at ~{_MS * _V_MAX_S:g} ms"
-        axes.axvline(_MS * _V_MAX_S, color="C3", linestyle=":", linewidth=1.5, label=label)
-        label = f"experiments, $t_1$ ~ {_MS * _T1_S:g} ms"
-        axes.axvline(_MS * _T1_S, color="C3", linestyle="-.", linewidth=1.2, label=label)
-        label = f"experiments, $t_2$ from {_MS * _T2_S[0]:g} to {_MS * _T2_S[1]:g} ms"
-        axes.axvspan(_MS * _T2_S[0], _MS * _T2_S[1], color="C3", alpha=0.12, label=label)
+        label = f"experiments, largest velocity at ~{_MS * V_MAX_S:g} ms"
+        axes.axvline(_MS * V_MAX_S, color="C3", linestyle=":", linewidth=1.5, label=label)
+        label = f"experiments, $t_1$ ~ {_MS * T1_S:g} ms"
+        axes.axvline(_MS * T1_S, color="C3", linestyle="-.", linewidth=1.2, label=label)
+        label = f"experiments, $t_2$ from {_MS * T2_S[0]:g} to {_MS * T2_S[1]:g} ms"
+        axes.axvspan(_MS * T2_S[0], _MS * T2_S[1], color="C3", alpha=0.12, label=label)
     _finish(figure, run)
 
 

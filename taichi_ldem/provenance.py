@@ -13,7 +13,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from taichi_ldem import __version__
+from taichi_ldem import __version__, processor
 from taichi_ldem.scene import Scene
 
 PACKAGES = ("taichi", "numpy", "scipy", "h5py", "pydantic")
@@ -58,7 +58,7 @@ def provenance(scene: Scene) -> dict[str, Any]:
         "python": platform.python_version(),
         "packages": {name: _version(name) for name in PACKAGES},
         "platform": platform.platform(),
-        "cpu": _cpu(),
+        "cpu": processor.name(),
         "command": shlex.join(sys.argv),
     }
 
@@ -68,16 +68,6 @@ def _version(package: str) -> str | None:
         return metadata.version(package)
     except metadata.PackageNotFoundError:
         return None
-
-
-def _cpu() -> str:
-    try:
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    except OSError:
-        pass
-    return platform.processor() or platform.machine()
 
 
 @functools.cache

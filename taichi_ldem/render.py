@@ -3,31 +3,34 @@
 Drawing happens in a child process, in a temporary working directory: a Vulkan driver that aborts
 takes only the child with it, and GGUI's settings file does not land in the user's directory.  The
 plate is the exterior of its modules at true scale, coloured by the share of a module's bars that
-have failed; modules that are cut in two or torn are left out, so that cracks read as gaps.
+have failed (or by speed or strain energy); modules that are cut in two or torn are left out, so
+that cracks read as gaps.
 """
 
 from __future__ import annotations
 
+import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taichi_ldem.backend import vulkan_device
-from taichi_ldem.scene import load_scene
+from taichi_ldem.scene import Notch, Scene, SceneError, load_scene
 from taichi_ldem.store import Fields, RunFolder, read_fields, read_times
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.colors import LinearSegmentedColormap
+    from matplotlib.colors import Colormap, Normalize
     from matplotlib.figure import Figure
 
 FloatArray = NDArray[np.floating[Any]]
@@ -37,6 +40,7 @@ NO_DEVICE = (
     "a software one comes with `apt install libvulkan1 mesa-vulkan-drivers` (Debian)"
 )
 TIMEOUT_S = 120.0
+TIMEOUT_PER_PICTURE_S = 20.0
 _EXIT_NO_DEVICE = 3
 
 # Share of failed bars from which a module is not drawn.  A plane between two layers of nodes cuts
@@ -57,6 +61,7 @@ _FACES = (
     ((0, 0, -1), (0, 3, 2, 1)),
     ((0, 0, 1), (4, 5, 6, 7)),
 )
+Colour = Literal["damage", "velocity", "energy"]
 # Colour over the share of failed bars: whole, damaged, about to go.
 _COLOURS = ("#dfe4e8", "#f2c14e", "#d1495b", "#5c0a14")
 _BEHIND = np.array((0.20, 0.25, 0.30))  # RGB far behind a cut
@@ -84,10 +89,99 @@ def render_run(folder: RunFolder, times: list[float] | None = None) -> list[Path
     pictures = [picture for step in steps for picture in _pictures(folder, step)]
     for picture in pictures:
         picture.unlink(missing_ok=True)
-    complaint = _draw_in_child(folder, [number for number, _ in steps])
+    complaint = _draw_in_child(folder, [number for number, _ in steps], len(pictures))
     if complaint:
         print(complaint, file=sys.stderr)
     return [picture for picture in pictures if picture.is_file()]
+
+
+@dataclass(frozen=True)
+class Shot:
+    """How a picture is taken that is none of the three standing ones.
+
+    Attributes:
+        view: "below", "above" or "cut": where the eye is and what is cut, unless told otherwise.
+        azimuth, elevation: of the eye, degrees from the -y axis and above the plate.
+        section: ("x" | "y" | "z", position in m): what lies before this plane is not drawn.
+        colour: "damage", "velocity" or "energy".
+    """
+
+    view: str = "below"
+    azimuth: float | None = None
+    elevation: float | None = None
+    section: tuple[str, float] | None = None
+    colour: Colour = "damage"
+
+    def __post_init__(self) -> None:
+        for name, value, known in (
+            ("--view", self.view, tuple(_VIEWS)),
+            ("--colour", self.colour, get_args(Colour)),
+        ):
+            if value not in known:
+                raise SceneError(f"{name} {value}: must be {', '.join(known[:-1])} or {known[-1]}")
+
+
+def parse_section(text: str) -> tuple[str, float]:
+    """A section plane from "y=0.002"; SceneError where it is none."""
+    axis, equals, position = (part.strip() for part in text.partition("="))
+    try:
+        place = float(position)
+    except ValueError:
+        place = np.nan
+    if axis not in ("x", "y", "z") or not equals or not np.isfinite(place):
+        raise SceneError(f"--section {text}: must be x=METRES, y=METRES or z=METRES")
+    return axis, place
+
+
+def render_shot(
+    folder: RunFolder, shot: Shot, into: Path, times: Sequence[float] | None = None
+) -> list[tuple[float, Path]]:
+    """Draw one picture a stored step; all with the same colour scale and the same frame.
+
+    Args:
+        into: an existing folder for the pictures, `shot_00012.png`.
+        times: as for `render_run`; None: every stored step.
+
+    Returns:
+        (time [s], picture) each.
+
+    Raises:
+        SceneError: the run cannot be read, or drawing failed; one line.
+    """
+    if times is None:
+        steps = list(enumerate(float(time) for time in read_times(folder.fields_file)))
+    else:
+        steps = _steps(folder, times)
+    numbers = [number for number, _ in steps]
+    complaint = _draw_in_child(folder, numbers, len(numbers), json.dumps(asdict(shot)), into)
+    drawn = [(time, into / _shot_name(number)) for number, time in steps]
+    drawn = [(time, picture) for time, picture in drawn if picture.is_file()]
+    if complaint or not drawn:
+        raise SceneError(complaint or f"'{folder.path}' holds no fields to draw")
+    return drawn
+
+
+def render_shots_into(
+    folder: RunFolder, shot: Shot, times: Sequence[float] | None = None
+) -> list[Path]:
+    """Draw a shot at some times into the run folder, `shot_<ms>ms.png`, as `render_run` does."""
+    if times is None:
+        stored = read_times(folder.fields_file)
+        times = [*load_scene(folder.scene_file).output.image_times, *map(float, stored[-1:])]
+    written = []
+    with tempfile.TemporaryDirectory() as scratch:
+        for time, picture in render_shot(folder, shot, Path(scratch), times):
+            written.append(folder.path / f"shot_{_milliseconds(time)}ms.png")
+            shutil.copyfile(picture, written[-1])
+    return written
+
+
+def _milliseconds(time_s: float) -> str:
+    return f"{time_s * 1e3:.4f}".rstrip("0").rstrip(".")
+
+
+def _shot_name(step: int) -> str:
+    return f"shot_{step:05d}.png"
 
 
 def _steps(folder: RunFolder, times: Sequence[float] | None) -> list[tuple[int, float]]:
@@ -102,19 +196,23 @@ def _steps(folder: RunFolder, times: Sequence[float] | None) -> list[tuple[int, 
 
 
 def _pictures(folder: RunFolder, step: tuple[int, float]) -> list[Path]:
-    time_ms = f"{step[1] * 1e3:.4f}".rstrip("0").rstrip(".")
-    return [folder.path / f"crack_{time_ms}ms_{view}.png" for view in _VIEWS]
+    return [folder.path / f"crack_{_milliseconds(step[1])}ms_{view}.png" for view in _VIEWS]
 
 
-def _draw_in_child(folder: RunFolder, steps: Sequence[int]) -> str:
+def _draw_in_child(
+    folder: RunFolder, steps: Sequence[int], count: int, shot: str = "", into: Path | None = None
+) -> str:
     """Draw in a child process; what went wrong in one line, or nothing."""
     command = [
         sys.executable,
         "-m",
         "taichi_ldem.render",
         str(folder.path.resolve()),
+        shot,
+        str((into or folder.path).resolve()),
         *map(str, steps),
     ]
+    timeout = TIMEOUT_S + TIMEOUT_PER_PICTURE_S * count
     # The child starts elsewhere: a package found through the working directory must stay found.
     package = str(Path(__file__).resolve().parents[1])
     path = os.pathsep.join(filter(None, (package, os.environ.get("PYTHONPATH"))))
@@ -128,10 +226,10 @@ def _draw_in_child(folder: RunFolder, steps: Sequence[int]) -> str:
                 stderr=subprocess.PIPE,
                 text=True,
                 errors="replace",
-                timeout=TIMEOUT_S,
+                timeout=timeout,
             )
         except subprocess.TimeoutExpired:
-            return f"pictures are missing: drawing took more than {TIMEOUT_S:.0f} s"
+            return f"pictures are missing: drawing took more than {timeout:.0f} s"
         except OSError as error:
             return f"no pictures: cannot start a process to draw them: {error.strerror}"
     if child.returncode == _EXIT_NO_DEVICE:
@@ -149,13 +247,13 @@ def _draw_in_child(folder: RunFolder, steps: Sequence[int]) -> str:
 class Surface:
     """Exterior quadrilaterals of the modules that are drawn.
 
-    corners (F, 4, 3), deformed [m], counter-clockwise from outside; normals (F, 3); broken (F,),
-    share of failed bars of the face's module; opened (F,), whether a crack laid the face bare.
+    corners (F, 4, 3), deformed [m], counter-clockwise from outside; normals (F, 3); value (F,), of
+    the face's module, what it is coloured by; opened (F,), whether a crack laid the face bare.
     """
 
     corners: FloatArray
     normals: FloatArray
-    broken: FloatArray
+    value: FloatArray
     opened: NDArray[np.bool_]
 
 
@@ -169,8 +267,28 @@ def _holding(fields: Fields) -> NDArray[np.bool_]:
     return (fields.broken_fraction < GONE) & (spread < _TORN * half_diagonal)
 
 
-def exterior(fields: Fields, part: NDArray[np.bool_]) -> Surface:
-    """Bare faces of the modules of a part (C,) of the plate, cut and torn ones left out."""
+def notched(fields: Fields, notches: Sequence[Notch]) -> NDArray[np.bool_]:
+    """Modules (C,) that a notch cuts: left out, as a saw would, they show where it is."""
+    low = fields.points[fields.hexahedra[:, 0]]
+    edge = float(np.linalg.norm(fields.points[fields.hexahedra[0, 1]] - low[0]))
+    found = np.zeros(len(low), dtype=bool)
+    for notch in notches:
+        normal, *axes = notch.axes
+        # a plane through nodes lies just beyond them (Lattice.bars_crossing)
+        off = (notch.position - low[:, normal]) / edge
+        cut = (off > -1e-6) & (off < 1 - 1e-6)
+        for axis, (start, stop) in zip(axes, notch.bounds, strict=True):
+            middle = low[:, axis] + edge / 2
+            cut &= (middle > start) & (middle < stop)
+        found |= cut
+    return found
+
+
+def exterior(fields: Fields, part: NDArray[np.bool_], values: FloatArray | None = None) -> Surface:
+    """Bare faces of the modules of a part (C,) of the plate, cut and torn ones left out.
+
+    values: (C,), to colour by; None: the share of failed bars.
+    """
     base = fields.points[fields.hexahedra[:, 0]]
     edge = np.linalg.norm(fields.points[fields.hexahedra[0, 1]] - base[0])
     # One empty layer all around: no module at the rim needs a case of its own.
@@ -191,7 +309,93 @@ def exterior(fields: Fields, part: NDArray[np.bool_]) -> Surface:
     corners, module = np.concatenate(quads), np.concatenate(modules)
     normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-    return Surface(corners, normals, fields.broken_fraction[module], np.concatenate(opened))
+    shown = fields.broken_fraction if values is None else values
+    return Surface(corners, normals, shown[module], np.concatenate(opened))
+
+
+# --- colours --------------------------------------------------------------------------------------
+
+
+def speed(fields: Fields) -> FloatArray:
+    """(C,) mean speed of a module's corners, m/s."""
+    moving: FloatArray = np.linalg.norm(fields.velocity, axis=1)[fields.hexahedra].mean(axis=1)
+    return moving
+
+
+def strain_energy(fields: Fields, stiffness: tuple[float, float, float]) -> FloatArray:
+    """(C,) strain energy density of a module, about, J/m3; NaN where bars have failed.
+
+    From the mean gradient between its corners (nodes at the centres are not stored) as Green's
+    strain, with the lattice's C11, C12, C44: as if no bar had softened.
+    """
+    place = fields.points[fields.hexahedra]
+    moved = fields.displacement[fields.hexahedra].astype(np.float64)
+    edge = np.linalg.norm(place[0, 1] - place[0, 0])
+    sides = np.sign(place[0] - place[0].mean(axis=0))  # (8, 3): on which side a corner lies
+    # a face's mean displacement less that of the face across: 4 corners each
+    gradient = np.einsum("cni,nj->cij", moved, sides) / (4 * edge)
+    stretch = gradient + np.eye(3)
+    strain = (np.einsum("cki,ckj->cij", stretch, stretch) - np.eye(3)) / 2
+    c11, c12, c44 = stiffness
+    xx, yy, zz = (strain[:, n, n] for n in range(3))
+    shear = strain[:, 0, 1] ** 2 + strain[:, 0, 2] ** 2 + strain[:, 1, 2] ** 2
+    density = c11 / 2 * (xx**2 + yy**2 + zz**2) + c12 * (xx * yy + xx * zz + yy * zz)
+    whole = fields.broken_fraction == 0
+    return np.where(whole, density + 2 * c44 * shear, np.nan)
+
+
+@dataclass(frozen=True)
+class _Scale:
+    """What modules are coloured by, over all pictures of a shot alike."""
+
+    value: Callable[[Fields], FloatArray]
+    colours: Colormap
+    norm: Normalize
+    label: str
+
+    def rgb(self, values: FloatArray) -> FloatArray:
+        """(F, 3) colours."""
+        shown: FloatArray = self.colours(self.norm(np.ma.masked_invalid(values)))[:, :3]
+        return shown
+
+
+def _damage_scale() -> _Scale:
+    from matplotlib.colors import LinearSegmentedColormap, Normalize
+
+    note = f"broken bars of a module [%]; modules from {100 * GONE:.0f} % on are not drawn"
+    colours = LinearSegmentedColormap.from_list("broken", _COLOURS)
+    return _Scale(lambda f: 100.0 * f.broken_fraction, colours, Normalize(0, 100 * GONE), note)
+
+
+def _scale(folder: RunFolder, steps: Sequence[int], colour: Colour) -> _Scale:
+    from matplotlib import colormaps
+    from matplotlib.colors import LogNorm, Normalize
+
+    if colour == "damage":
+        return _damage_scale()
+    value = speed if colour == "velocity" else _energy_of(load_scene(folder.scene_file))
+    top = 0.0
+    for step in steps:
+        fields = read_fields(folder.fields_file, step)
+        shown = value(fields)[_holding(fields)]
+        shown = shown[np.isfinite(shown)]
+        if shown.size:  # loose fragments may be fast: they do not set the scale
+            top = max(top, float(np.quantile(shown, 0.95 if colour == "velocity" else 0.999)))
+    top = top or 1.0
+    if colour == "velocity":
+        norm = Normalize(0.0, top, clip=True)
+        return _Scale(value, colormaps["viridis"], norm, "speed of a module [m/s]")
+    label = "strain energy of a module [kJ/m$^3$], from its corners; grey: bars have failed"
+    colours = colormaps["magma"].with_extremes(bad="0.6")
+    return _Scale(lambda f: 1e-3 * value(f), colours, LogNorm(1e-6 * top, 1e-3 * top, True), label)
+
+
+def _energy_of(scene: Scene) -> Callable[[Fields], FloatArray]:
+    from taichi_ldem.material import elastic_constants
+
+    m = scene.material
+    stiffness = elastic_constants(m.youngs_modulus, m.poisson_ratio, scene.plate.stiffness)
+    return lambda fields: strain_energy(fields, stiffness)
 
 
 # --- views ----------------------------------------------------------------------------------------
@@ -223,7 +427,18 @@ class _Panel:
 class _View:
     title: str
     panels: tuple[_Panel, ...]
-    cut: bool = False
+    section: tuple[int, float] | None = None  # axis and position [m] of a plane that cuts
+
+    def part(self, fields: Fields) -> NDArray[np.bool_]:
+        """Modules (C,) that are not before the section plane."""
+        if self.section is None:
+            return np.ones(len(fields.hexahedra), dtype=bool)
+        axis, position = self.section
+        centres = fields.points[fields.hexahedra].mean(axis=1)[:, axis]
+        towards = self.panels[0].rotation[2, axis]
+        # With an odd number of modules across, the row in the middle stays whole.
+        edge = 1e-6 * float(np.ptp(fields.points[:, axis]))
+        return centres < position + edge if towards > 0 else centres > position - edge
 
 
 def _single(size: FloatArray, rotation: FloatArray) -> tuple[_Panel]:
@@ -256,15 +471,33 @@ def _cut(size: FloatArray) -> _View:
     whole = _MARGIN * size[0]
     enlarged = 10 * size[2]
     if enlarged >= whole:  # a beam rather than a plate
-        return _View("cut through y = 0, near half removed", _single(size, side), cut=True)
+        return _View("cut through y = 0, near half removed", _single(size, side), (1, 0.0))
     upper = _Panel(
         0.68, 0.24, side, whole, 0.01, "whole width; dark: behind the cut, walls of cracks"
     )
     lower = _Panel(_BOTTOM, 0.54, side, enlarged, 0.001, "middle, enlarged")
-    return _View("cut through y = 0, near half removed", (upper, lower), cut=True)
+    return _View("cut through y = 0, near half removed", (upper, lower), (1, 0.0))
 
 
 _VIEWS: dict[str, Callable[[FloatArray], _View]] = {"below": _below, "above": _above, "cut": _cut}
+# Where the eye of each is: azimuth, elevation, degrees.
+_EYES = {"below": (180.0, -90.0), "above": (25.0, 40.0), "cut": (0.0, 0.0)}
+
+
+def _view_of(shot: Shot, size: FloatArray) -> _View:
+    view = _VIEWS[shot.view](size)
+    if shot.azimuth is not None or shot.elevation is not None:
+        azimuth, elevation = _EYES[shot.view]
+        azimuth = azimuth if shot.azimuth is None else shot.azimuth
+        elevation = elevation if shot.elevation is None else shot.elevation
+        title = f"azimuth {azimuth:g}°, elevation {elevation:g}°"
+        view = _View(title, _single(size, _rotation(azimuth, elevation)), view.section)
+    if shot.section is not None:
+        axis, position = shot.section
+        title = f"{view.title.partition(',')[0] if view.section is None else ''}"
+        title = f"{title}  cut at {axis} = {1e3 * position:g} mm".strip()
+        view = replace(view, title=title, section=("xyz".index(axis), position))
+    return view
 
 
 # --- the child's side -----------------------------------------------------------------------------
@@ -360,30 +593,67 @@ class _Painter:
         return self._fields
 
 
-def _draw_step(painter: _Painter, folder: RunFolder, step: int) -> None:
+def _fields_at(folder: RunFolder, step: int) -> Fields:
+    """Fields of a step, the modules that a notch cuts counted as broken."""
     fields = read_fields(folder.fields_file, step)
-    lower, upper = fields.points.min(axis=0), fields.points.max(axis=0)
-    everything = np.ones(len(fields.hexahedra), dtype=bool)
-    # With an odd number of modules across, the row in the middle stays whole.
-    middle = (lower[1] + upper[1]) / 2 - 1e-6 * (upper[1] - lower[1])
-    far_half = fields.points[fields.hexahedra].mean(axis=1)[:, 1] > middle
+    fields.broken_fraction[notched(fields, load_scene(folder.scene_file).notch)] = 1.0
+    return fields
+
+
+def _draw_step(painter: _Painter, folder: RunFolder, step: int) -> None:
+    """The three standing views of a step."""
+    fields = _fields_at(folder, step)
+    size = np.ptp(fields.points, axis=0)
     struck = load_scene(folder.scene_file).striker is not None
+    scale = _damage_scale()
     for name, picture in zip(_VIEWS, _pictures(folder, (step, fields.time)), strict=True):
-        view = _VIEWS[name](upper - lower)
+        view = _VIEWS[name](size)
         if not struck:
             view = replace(view, title=view.title.partition(" (")[0])  # which face it is
-        surface = exterior(fields, far_half if view.cut else everything)
-        images = [_panel_image(painter, surface, fields, panel, view.cut) for panel in view.panels]
-        _compose(view, images, fields.time, picture, folder.picture_metadata())
+        _draw(painter, fields, view, scale, picture, folder.picture_metadata())
+
+
+def _draw_shots(
+    painter: _Painter, folder: RunFolder, steps: Sequence[int], shot: Shot, into: Path
+) -> None:
+    scale = _scale(folder, steps, shot.colour)
+    for step in steps:
+        fields = _fields_at(folder, step)
+        view = _view_of(shot, np.ptp(fields.points, axis=0))
+        _draw(painter, fields, view, scale, into / _shot_name(step), folder.picture_metadata())
+
+
+def _draw(
+    painter: _Painter,
+    fields: Fields,
+    view: _View,
+    scale: _Scale,
+    picture: Path,
+    metadata: dict[str, str],
+) -> None:
+    surface = exterior(fields, view.part(fields), scale.value(fields))
+    # seen along the normal, what lies behind a cut would pass for the cut face
+    cut = view.section is not None and abs(view.panels[0].rotation[2, view.section[0]]) > 0.99
+    images = [_panel_image(painter, surface, fields, panel, scale, cut) for panel in view.panels]
+    _compose(view, images, fields.time, scale, picture, metadata)
 
 
 def _panel_image(
-    painter: _Painter, surface: Surface, fields: Fields, panel: _Panel, cut: bool
+    painter: _Painter,
+    surface: Surface,
+    fields: Fields,
+    panel: _Panel,
+    scale: _Scale,
+    cut: bool,
 ) -> FloatArray:
     towards_eye = surface.normals @ panel.rotation.T
     seen = towards_eye[:, 2] > 0
     corners = (surface.corners[seen] - _centre(fields, panel)) @ panel.rotation.T
-    colours = _shade(surface.broken[seen], towards_eye[seen], surface.opened[seen])
+    colours = scale.rgb(surface.value[seen])
+    light = np.array((-0.35, 0.45, 0.82))
+    if -0.99 < panel.rotation[2, 2] < 0:  # from below the faces that matter look down
+        light[1] *= -1
+    colours = colours * _brightness(towards_eye[seen], surface.opened[seen], light)[:, None]
     if cut:
         colours = _fade(colours, corners[..., 2].mean(axis=1), np.ptp(fields.points[:, 2]) / 2)
     corners[..., :2] /= panel.span / 2
@@ -401,12 +671,11 @@ def _centre(fields: Fields, panel: _Panel) -> FloatArray:
     return middle
 
 
-def _shade(broken: FloatArray, normals: FloatArray, opened: NDArray[np.bool_]) -> FloatArray:
-    """RGB (F, 3) of faces; normals (F, 3) in the eye's frame.  A crack's walls lie in shadow."""
-    light = np.array((-0.35, 0.45, 0.82))
+def _brightness(normals: FloatArray, opened: NDArray[np.bool_], light: FloatArray) -> FloatArray:
+    """(F,) of faces; normals (F, 3) in the eye's frame.  A crack's walls lie in shadow."""
     brightness = 0.4 + 0.6 * np.maximum(0.0, normals @ light) / np.linalg.norm(light)
     brightness[opened] *= 0.5
-    return _colour_map()(broken / GONE)[:, :3] * brightness[:, None]
+    return np.asarray(brightness)
 
 
 def _fade(colours: FloatArray, depth: FloatArray, half: float) -> FloatArray:
@@ -415,16 +684,11 @@ def _fade(colours: FloatArray, depth: FloatArray, half: float) -> FloatArray:
     return colours * share + _BEHIND * (1.0 - share)
 
 
-def _colour_map() -> LinearSegmentedColormap:
-    from matplotlib.colors import LinearSegmentedColormap
-
-    return LinearSegmentedColormap.from_list("broken", _COLOURS)
-
-
 def _compose(
     view: _View,
     images: Sequence[FloatArray],
     time_s: float,
+    scale: _Scale,
     picture: Path,
     metadata: dict[str, str],
 ) -> None:
@@ -442,7 +706,7 @@ def _compose(
         _annotate(axes, panel)
     caption = f"t = {1e3 * time_s:.2f} ms    {view.title}    deformation to scale"
     figure.text(0.5, 0.965, caption, ha="center", va="center", fontsize=20)
-    _colour_key(figure)
+    _colour_key(figure, scale)
     figure.savefig(picture, metadata=metadata)
 
 
@@ -467,25 +731,30 @@ def _annotate(axes: Axes, panel: _Panel) -> None:
     axes.set_ylim(low, -low)
 
 
-def _colour_key(figure: Figure) -> None:
+def _colour_key(figure: Figure, scale: _Scale) -> None:
     from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
 
     axes = figure.add_axes((0.30, 0.055, 0.40, 0.018))
-    colours = ScalarMappable(Normalize(0.0, 100 * GONE), _colour_map())
-    bar = figure.colorbar(colours, cax=axes, orientation="horizontal")
+    colours = ScalarMappable(scale.norm, scale.colours)
+    bar = figure.colorbar(colours, cax=axes, orientation="horizontal", format="{x:g}")
     bar.ax.tick_params(labelsize=14)
-    note = f"broken bars of a module [%]; modules from {100 * GONE:.0f} % on are not drawn"
-    bar.set_label(note, fontsize=14)
+    bar.set_label(scale.label, fontsize=14)
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Draw steps of a run: `python -m taichi_ldem.render FOLDER STEP ...`, the child's side."""
+    """The child's side: `python -m taichi_ldem.render FOLDER SHOT INTO STEP ...`.
+
+    SHOT: a `Shot` as JSON, or nothing for the standing views.
+    """
     if not vulkan_device():
         return _EXIT_NO_DEVICE
-    folder = RunFolder.open(Path(arguments[0]))
+    path, shot, into, *steps = arguments
+    folder = RunFolder.open(Path(path))
     painter = _Painter()
-    for step in arguments[1:]:
+    if shot:
+        _draw_shots(painter, folder, [int(s) for s in steps], Shot(**json.loads(shot)), Path(into))
+        return 0
+    for step in steps:
         _draw_step(painter, folder, int(step))
     return 0
 

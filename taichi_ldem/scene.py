@@ -23,7 +23,7 @@ from pydantic import (
     field_validator,
     model_validator,
 )
-from pydantic_core import ErrorDetails, PydanticCustomError
+from pydantic_core import ErrorDetails, PydanticCustomError, PydanticKnownError
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -37,6 +37,10 @@ MAX_SAMPLES = 10**7
 MAX_FRAMES = 10**4
 MAGNITUDE = 1e20  # of numbers in SI units, and one over it
 NO_DURATION = 1.0  # s, of a scene that does not step in time
+LARGEST_CV = 1.5
+FEWEST_DATA = 3  # values that a distribution can be fitted to
+DISORDERED = ("fracture_energy", "youngs_modulus", "density")
+"""Properties that may vary, in the order of their random streams: never reorder."""
 ROUNDING = 0.01  # largest relative change of a side that is rounded to whole modules
 
 
@@ -67,6 +71,21 @@ Flag = Annotated[bool, Field(strict=True)]
 Axis = Literal["x", "y", "z"]
 
 
+LAW_NAMES = ["bilinear", "exponential"]
+"""Softening laws that ``material.law`` may name; ``laws.register`` adds to them."""
+
+
+def _known_law(name: str) -> str:
+    if name in LAW_NAMES:
+        return name
+    # as pydantic words it for literals
+    *most, last = (repr(law) for law in LAW_NAMES)
+    raise PydanticKnownError("literal_error", {"expected": f"{', '.join(most)} or {last}"})
+
+
+LawName = Annotated[str, Field(strict=True), AfterValidator(_known_law)]
+
+
 def _refuse(key: str, value: object, why: str) -> ValueError:
     """The error of a check of our own: it names key and value itself."""
     return ValueError(f"{key} = {_show(value)}: {why}")
@@ -80,8 +99,12 @@ class Plate(_Table):
     """The specimen: a prism of cubic modules of edge L = thickness / modules_through_thickness."""
 
     size: tuple[Positive, Positive, Positive] = Field(description="sides x, y, z (thickness), m")
-    modules_through_thickness: Annotated[int, Field(strict=True, ge=1, le=10_000)]
-    shape: Literal["rectangle", "disc", "dumbbell"] = "rectangle"
+    modules_through_thickness: Annotated[int, Field(strict=True, ge=1, le=10_000)] = Field(
+        description="cubic modules along z; their edge L is size[2] over this number"
+    )
+    shape: Literal["rectangle", "disc", "dumbbell"] = Field(
+        default="rectangle", description="outline in the plane; 'dumbbell' lies along x"
+    )
     diameter: Positive | None = Field(
         default=None,
         description="of the disc cut from the prism, centred, m; for shape = 'disc' only",
@@ -223,7 +246,9 @@ class Material(_Table):
     limit_strain: Positive | None = Field(
         default=None, description="eps_r itself, instead of Eqs. (11), (12)"
     )
-    law: Literal["bilinear", "exponential"] = "bilinear"
+    law: LawName = Field(
+        default="bilinear", description="softening: 'bilinear', 'exponential' or a registered one"
+    )
     damage: Flag = True
     fracture_areas: Literal["derived", "paper"] = Field(
         default="derived", description="which bar family has which fracture area, Eqs. (7), (8)"
@@ -250,6 +275,53 @@ class Material(_Table):
         return self
 
 
+Cv = Annotated[Real, Field(ge=0, le=LARGEST_CV)]
+
+
+class Disorder(_Table):
+    """Random material: Weibull fields around the means that [material] gives, Eqs. (14) to (17).
+
+    Of each property either the coefficient of variation or a list of measured values, to which the
+    Weibull shape is fitted (maximum likelihood; their mean is not used). A CV of 0 is no disorder.
+    """
+
+    fracture_energy_cv: Cv | None = Field(default=None, description="of each bar's G_f")
+    youngs_modulus_cv: Cv | None = Field(default=None, description="of each bar's E")
+    density_cv: Cv | None = Field(default=None, description="of each module's density")
+    fracture_energy_data: tuple[Positive, ...] | None = Field(
+        default=None, description="measured values in one unit, instead of the CV"
+    )
+    youngs_modulus_data: tuple[Positive, ...] | None = Field(default=None, description="the same")
+    density_data: tuple[Positive, ...] | None = Field(default=None, description="the same")
+    correlation_length: NonNegative = Field(
+        default=0.0,
+        description="at which the underlying Gaussian field's correlation is 1/e, m; 0: every bar"
+        " on its own, which depends on the module edge",
+    )
+    seed: Annotated[int, Field(strict=True, ge=0, lt=1 << 63)] = Field(
+        default=0, description="of the random fields"
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> "Disorder":
+        named = False
+        for name in DISORDERED:
+            cv, data = getattr(self, f"{name}_cv"), getattr(self, f"{name}_data")
+            named |= cv is not None or data is not None
+            if data is None:
+                continue
+            if cv is not None:
+                why = f"must not stand beside disorder.{name}_data; give one of the two"
+                raise _refuse(f"disorder.{name}_cv", cv, why)
+            if len(data) < FEWEST_DATA or max(data) - min(data) <= 1e-9 * max(data):
+                why = f"must be at least {FEWEST_DATA} values that differ"
+                raise _refuse(f"disorder.{name}_data", data, why)
+        if not named:
+            keys = ", ".join(f"'disorder.{name}_cv'" for name in DISORDERED)
+            raise ValueError(f"table '[disorder]' names nothing that varies: give one of {keys}")
+        return self
+
+
 class Striker(_Table):
     """Rigid nose on a shaft of the same diameter; moves along -z only, without friction.
 
@@ -257,8 +329,10 @@ class Striker(_Table):
     is wide, on a flat shaft.
     """
 
-    shape: Literal["hemisphere", "cylinder"] = "hemisphere"
-    diameter: Positive = Field(description="m")
+    shape: Literal["hemisphere", "cylinder"] = Field(
+        default="hemisphere", description="of the nose; the cylinder's axis is along y"
+    )
+    diameter: Positive = Field(description="of nose and shaft, m")
     mass: Positive = Field(description="kg")
     velocity: NonNegative = Field(description="initial, towards the plate, m/s")
     gravity: NonNegative = Field(
@@ -281,7 +355,10 @@ class Clamp(_Table):
     changed alone.
     """
 
-    kind: Literal["rings", "bonded", "rim", "free"]
+    kind: Literal["rings", "bonded", "rim", "free"] = Field(
+        description="rings that may separate; nodes of both faces between the circles fixed; all"
+        " nodes outside the inner circle fixed; not held"
+    )
     inner_diameter: Positive | None = Field(default=None, description="m; not for kind = 'free'")
     outer_diameter: Positive | None = Field(default=None, description="m; for 'rings' and 'bonded'")
 
@@ -328,7 +405,9 @@ class Pulse(_Table):
     """
 
     axis: Axis = Field(description="direction of travel, towards larger coordinates")
-    kind: Literal["longitudinal", "shear", "bar"] = "longitudinal"
+    kind: Literal["longitudinal", "shear", "bar"] = Field(
+        default="longitudinal", description="plane waves, or the mode of a bar with free sides"
+    )
     wavelength: Positive = Field(
         description="where the strain's spectrum peaks, m: 2 pi times the Gaussian's deviation"
     )
@@ -343,7 +422,7 @@ class Supports(_Table):
     """Two fixed rigid cylinders under the plate, axes along y, at x = +-span/2; no friction."""
 
     span: Positive = Field(description="between the two axes, m")
-    diameter: Positive = Field(description="m")
+    diameter: Positive = Field(description="of both cylinders, m")
 
 
 class Solver(_Table):
@@ -408,7 +487,7 @@ class Output(_Table):
 class Notch(_Table):
     """A plane of cut bars: a rectangle normal to an axis. Its bars are removed, not broken."""
 
-    normal: Axis
+    normal: Axis = Field(description="axis that the plane is normal to")
     position: Real = Field(description="of the plane along its normal, m")
     from_: tuple[Real, Real] = Field(  # `from` is a keyword
         alias="from", description="one corner: the other two coordinates in the order x, y, z, m"
@@ -443,6 +522,7 @@ class Scene(_Table):
     scenario: Literal["impact", "tension", "bend", "wave", "modes"]
     plate: Plate
     material: Material
+    disorder: Disorder | None = None
     striker: Striker | None = None
     clamp: Clamp | None = None
     grips: Grips | None = None
@@ -463,6 +543,23 @@ class Scene(_Table):
                 return {**data, "solver": {"duration": NO_DURATION, **solver}}
         return data
 
+    @classmethod
+    def load(cls, path: str | Path, *overrides: str) -> "Scene":
+        """Read a scene file and override keys, "section.key=value" each, as ``--set`` does.
+
+        Raises:
+            SceneError: file, an override or a value is not acceptable; one line.
+        """
+        return load_scene(path, overrides)
+
+    def changed(self, *overrides: str) -> "Scene":
+        """The scene with other values, "section.key=value" each, as ``--set`` takes them.
+
+        Raises:
+            SceneError: an override or a value is not acceptable; one line.
+        """
+        return _changed(self, overrides)
+
     @property
     def held(self) -> bool:
         """Whether anything holds the plate."""
@@ -478,6 +575,7 @@ class Scene(_Table):
 
     @model_validator(mode="after")
     def _check(self) -> "Scene":
+        self._check_disorder()
         self._check_clamp()
         self._check_striker()
         self._check_tension()
@@ -489,16 +587,25 @@ class Scene(_Table):
             self._check_notch(f"notch[{number}]", notch)
         if self.output.field_interval is None:
             # resolved here, once: the default depends on another table
-            interval = max(self.solver.duration / 10, self.output.history_interval)
-            output = self.output.model_copy(update={"field_interval": interval})
+            output = self.output.model_copy(update={"field_interval": self._field_interval})
             object.__setattr__(self, "output", output)
         return self
+
+    def _check_disorder(self) -> None:
+        length = self.disorder.correlation_length if self.disorder is not None else 0.0
+        if 0 < length < self.plate.spacing:
+            why = f"must be at least {self.plate.spacing:.6g}, one module, or 0: none"
+            raise _refuse("disorder.correlation_length", length, why)
 
     def _check_vulkan(self) -> None:
         solver, law = self.solver, self.material.law
         if (solver.arch, solver.precision, law) == ("vulkan", "f64", "exponential"):
             why = 'Vulkan has no exp in f64, use "bilinear" or solver.precision = "f32"'
             raise _refuse("material.law", law, why)
+
+    @property
+    def _field_interval(self) -> float:
+        return max(self.solver.duration / 10, self.output.history_interval)
 
     def _check_clamp(self) -> None:
         if self.clamp is None or self.clamp.kind == "free":
@@ -545,12 +652,18 @@ class Scene(_Table):
             longest = self.plate.size[0] / 2 - spacing
             why = f"must be at most {longest:.6g}, which leaves two modules between the grips"
             raise _refuse("grips.length", grips.length, why)
-        gauge = max(between / 2, 2 * spacing) if grips.gauge_length is None else grips.gauge_length
+        gauge = self._gauge_length if grips.gauge_length is None else grips.gauge_length
         if not 2 * spacing * (1 - ROUNDING) <= gauge <= between * (1 + ROUNDING):
             why = f"must lie between two modules, {2 * spacing:.6g}, and the grips, {between:.6g}"
             raise _refuse("grips.gauge_length", gauge, why)
         # resolved here, once: the default depends on another table
         object.__setattr__(self, "grips", grips.model_copy(update={"gauge_length": gauge}))
+
+    @property
+    def _gauge_length(self) -> float:
+        assert self.grips is not None
+        between = self.plate.size[0] - 2 * self.grips.length
+        return max(between / 2, 2 * self.plate.spacing)
 
     def _check_pulse(self) -> None:
         pulse = self.pulse
@@ -578,13 +691,14 @@ class Scene(_Table):
         if self.plate.shape != "rectangle":
             raise _refuse("plate.shape", self.plate.shape, 'must be "rectangle" with [pulse]')
         for name, present in (
+            ("disorder", self.disorder),
             ("striker", self.striker),
             ("clamp", self.held),
             ("supports", self.supports),
             ("notch", self.notch),
         ):
             if present:
-                raise ValueError(f"table '[{name}]': a pulse runs through a free, whole prism")
+                raise ValueError(f"table '[{name}]': a pulse runs through a free, uniform prism")
 
     def _check_supports(self) -> None:
         if self.scenario == "bend":
@@ -651,12 +765,14 @@ class Scene(_Table):
 # --- reading and writing --------------------------------------------------------------------------
 
 # Keys that belong to the format but not to this version: a nearest-key hint would mislead.
-LATER_KEYS = ("disorder", "plate.perturbation")
+LATER_KEYS = ("plate.perturbation",)
 
 # An override of one replaces the other.
 EXCLUSIVE: dict[tuple[str, ...], str] = {
     ("material", "failure_strain"): "failure_factor",
     ("material", "failure_factor"): "failure_strain",
+    **{("disorder", f"{name}_cv"): f"{name}_data" for name in DISORDERED},
+    **{("disorder", f"{name}_data"): f"{name}_cv" for name in DISORDERED},
 }
 
 
@@ -675,11 +791,39 @@ def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
         SceneError: file, an override or a value is not acceptable; one line.
     """
     path = Path(path)
-    data = _read(path)
-    changes = [_parse_override(text) for text in overrides]
+    return _overridden(_read(path), path.name, overrides)
+
+
+def load_tables(path: str | Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
+    """The tables of a scene file with overrides, not validated; else as `load_scene`."""
+    return _changed_tables(_read(Path(path)), [_parse_override(text) for text in overrides])
+
+
+def override_value(text: str) -> object:
+    """The value of an override `section.key=value`; SceneError as `load_scene`."""
+    return _parse_override(text).value
+
+
+def _changed_tables(data: dict[str, Any], changes: "Sequence[_Override]") -> dict[str, Any]:
     for change in changes:
         _apply(data, change)
-    return parse_scene(data, path.name, {".".join(change.path) for change in changes})
+    return data
+
+
+def _overridden(data: dict[str, Any], name: str, overrides: Sequence[str]) -> Scene:
+    changes = [_parse_override(text) for text in overrides]
+    keys = {".".join(change.path) for change in changes}
+    return parse_scene(_changed_tables(data, changes), name, keys)
+
+
+def _changed(scene: Scene, overrides: Sequence[str]) -> Scene:
+    data = scene.model_dump(by_alias=True, exclude_none=True)
+    # defaults that hang on other keys follow these
+    if scene.output.field_interval == scene._field_interval:
+        del data["output"]["field_interval"]
+    if scene.grips is not None and scene.grips.gauge_length == scene._gauge_length:
+        del data["grips"]["gauge_length"]
+    return _overridden(data, "scene", overrides)
 
 
 def parse_scene(
@@ -848,7 +992,9 @@ def _length(location: tuple[int | str, ...]) -> str:
         return "tables"
     for field_name, field in _table_at(location[:-2]).model_fields.items():
         if name in (field_name, field.alias):
-            members = getattr(field.annotation, "__args__", ())
+            members: tuple[Any, ...] = getattr(field.annotation, "__args__", ())
+            if type(None) in members:  # a list that may be absent
+                members = getattr(members[0], "__args__", ())
             return "numbers" if Ellipsis in members else f"{len(members)} numbers"
     return "numbers"
 
@@ -857,6 +1003,7 @@ def _table_at(location: tuple[int | str, ...]) -> type[_Table]:
     tables: dict[int | str, type[_Table]] = {
         "plate": Plate,
         "material": Material,
+        "disorder": Disorder,
         "striker": Striker,
         "clamp": Clamp,
         "grips": Grips,

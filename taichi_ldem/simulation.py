@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import taichi as ti
 
-from taichi_ldem import stability
+from taichi_ldem import disorder, stability
 from taichi_ldem.contact import (
     DISPLACEMENT,
     IMPULSE,
@@ -128,6 +128,41 @@ def notch_bars(scene: Scene, lattice: Lattice) -> npt.NDArray[np.uint16]:
     return removed
 
 
+def build_dynamics(
+    scene: Scene, in_strips: bool | None = None
+) -> tuple[Dynamics, dict[str, tuple[float, float]]]:
+    """The lattice's fields and kernels with all that a scene says of its material.
+
+    Returns:
+        The dynamics; mean and CV of the factors that were drawn, by property.
+
+    Raises:
+        SceneError: K_r < 1, or a notch that cuts no bar.
+    """
+    bars = check(scene)
+    lattice = build_lattice(scene)
+    drawn = disorder.draw(scene, lattice)
+    material, strength = scene.material, drawn.strength if scene.material.damage else None
+    features = Features(
+        law=material.law if material.damage else None,
+        damping=scene.solver.damping > 0,
+        notch=bool(scene.notch),
+        strength=strength is not None,
+        modulus=drawn.youngs_modulus is not None,
+        density=drawn.density is not None,
+    )
+    dynamics = Dynamics(lattice, bars, material.density, features, in_strips)
+    if strength is not None:
+        dynamics.set_strength(strength)
+    if drawn.youngs_modulus is not None:
+        dynamics.set_modulus(drawn.youngs_modulus)
+    if drawn.density is not None:
+        dynamics.set_own_density(material.density, drawn.density)
+    if features.notch:
+        dynamics.set_removed(notch_bars(scene, lattice))
+    return dynamics, drawn.statistics(lattice)
+
+
 @ti.data_oriented
 class Simulation:
     """A plate, its striker, its clamp and its supports, stepped in time.
@@ -140,6 +175,7 @@ class Simulation:
         dynamics: the lattice's fields and kernels.
         striker, rings, grips, gauge, supports: None where the scene has none.
         bodies: those that there are.
+        drawn: mean and CV of the random factors on the material's properties, by property.
         noted: (bodies + 1,) f64: losses of each body before a measured step, J, and the striker's
             displacement, m.
         time_step, critical_time_step: s.
@@ -151,18 +187,9 @@ class Simulation:
 
     def __init__(self, scene: Scene, in_strips: bool | None = None):
         self.scene = scene
-        bars = check(scene)
-        lattice = build_lattice(scene)
-        solver, material = scene.solver, scene.material
-        features = Features(
-            law=material.law if material.damage else None,
-            damping=solver.damping > 0,
-            notch=bool(scene.notch),
-        )
-        self.dynamics = Dynamics(lattice, bars, material.density, features, in_strips)
-        if features.notch:
-            self.dynamics.set_removed(notch_bars(scene, lattice))
-        self.spacing, self.damping = lattice.spacing, solver.damping
+        self.dynamics, self.drawn = build_dynamics(scene, in_strips)
+        solver = scene.solver
+        self.spacing, self.damping = self.dynamics.lattice.spacing, solver.damping
         self.peak_strain = self.dynamics.peak_strain
         self.critical_time_step = stability.critical_time_step(self.dynamics)
         self.time_step, self.sample_every = self._choose_time_step()
@@ -383,6 +410,24 @@ class Simulation:
         self._last = at
         return sample
 
+    def fracture_of(self, chosen: npt.NDArray[np.bool_]) -> tuple[float, int]:
+        """What some of the bars have dissipated so far, J, and how many of them are broken.
+
+        Args:
+            chosen: (14, *S) the bars.
+        """
+        dynamics = self.dynamics
+        if not dynamics.features.damage:
+            return 0.0, 0
+        kept = [field.to_numpy() for field in dynamics.peak]
+        for field, peak, mine in zip(dynamics.peak, kept, chosen, strict=True):
+            field.from_numpy(np.where(dynamics.lanes.spread(mine), peak, 0).astype(peak.dtype))
+        self.energies.potential(self.now)
+        total = self.energies.total()
+        for field, peak in zip(dynamics.peak, kept, strict=True):
+            field.from_numpy(peak)
+        return float(total[FRACTURE]), int(total[BROKEN])
+
     def _row(
         self,
         step: int,
@@ -437,7 +482,7 @@ class Simulation:
             self._advance_to(min(due, self.steps), between)
             sample = self.sample_step()
             yield sample
-            self._guard(sample)
+            self.guard(sample)
 
     def _advance_to(self, step: int, between: Callable[[], None]) -> None:
         between()
@@ -446,8 +491,12 @@ class Simulation:
             self.advance(min(listing, step - self.step_number))
             between()
 
-    def _guard(self, sample: Sample) -> None:
-        """Stop at the first NaN or at 5 % energy error (the run's limit for a wrong answer)."""
+    def guard(self, sample: Sample) -> None:
+        """Stop at the first NaN or at 5 % energy error (the run's limit for a wrong answer).
+
+        Raises:
+            SimulationStopped: with time, step, place and likely cause.
+        """
         if np.isfinite(sample.ledger.stored) and sample.energy_error <= STOP_ERROR:
             return
         where = f"t = {sample.time:.6g} s, step {sample.step}: "
@@ -538,6 +587,7 @@ class Simulation:
             "clock/step_number": np.array(self.step_number),
             "clock/now": np.array(self.now),
             "clock/critical_time_step": np.array(self.critical_time_step),
+            "clock/drawn": np.array(list(self.drawn.values())).reshape(-1, 2),
             "ledger/start": np.array(start, dtype=np.float64),
             "ledger/last": np.array([] if self._last is None else [self._last]),
             "ledger/impulses": self._impulses.copy(),
@@ -588,6 +638,9 @@ class Simulation:
             raise ValueError(
                 f"the critical time step was {critical:.6g} s, is {self.critical_time_step:.6g} s"
             )
+        # the random fields themselves are drawn again, from the seed
+        if not np.allclose(saved["clock/drawn"], mine["clock/drawn"], rtol=1e-9, atol=0):
+            raise ValueError("its random fields were others than the scene's seed gives here")
         if saved["clock/now"] not in (0, 1) or not 0 <= saved["clock/step_number"] <= 10**12:
             raise ValueError("'clock' is not a step's")
 

@@ -41,10 +41,11 @@ IntArray = NDArray[np.integer[Any]]
 _OWN_FILES = re.compile(
     r"(scene\.toml|history\.csv|fields\.vtkhdf|summary\.json|run\.json)(\.tmp)?"
     r"|checkpoint(\.previous|\.new)?\.h5(\.tmp)?"
-    r"|(force|velocity|energy|stress_strain|crack_map|cracks|crack_growth)\.png"
+    r"|(force|force_displacement|velocity|energy|stress_strain)\.png"
+    r"|(crack_map|cracks|crack_growth)\.png"
     r"|(pulse|dispersion|anisotropy)\.png|(probes|profiles)\.csv"
     r"|modes\.(csv|md|png|vtkhdf)"
-    r"|crack_[0-9.]+ms_(below|above|cut)\.png"
+    r"|crack_[0-9.]+ms_(below|above|cut)\.png|shot_[0-9.]+ms\.png|movie\.(mp4|gif)|report\.html"
 )
 
 # The eight corners of a module as (dx, dy, dz), in VTK_HEXAHEDRON's order.

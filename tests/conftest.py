@@ -1,6 +1,8 @@
 """Taichi, started once a process, and the elastic block that most solver tests share."""
 
-from typing import TYPE_CHECKING
+import sys
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from blocks import Breakable, block_scene, restart
@@ -13,10 +15,27 @@ if TYPE_CHECKING:
     from taichi_ldem.simulation import Simulation
 
 
+def _program() -> Any:
+    """What holds all fields and kernels of this process, if Taichi has been started."""
+    taichi = sys.modules.get("taichi")
+    return taichi and taichi.lang.impl.get_runtime().prog
+
+
 @pytest.fixture(scope="session")
 def taichi() -> None:
     """Taichi on the CPU in f64; modules with kernels are imported after it."""
     backend.start(Solver(duration=1.0))
+
+
+@pytest.fixture(autouse=True)
+def _taichi_is_started_once(request: pytest.FixtureRequest) -> Iterator[None]:
+    """A test that starts Taichi anew takes the fields of all others away: it fails, not they."""
+    if "taichi" in request.fixturenames:
+        request.getfixturevalue("taichi")
+    before = _program()
+    yield
+    assert before is None or _program() is before, "Taichi was started again in this process"
+    assert "taichi" in request.fixturenames or _program() is before, "start Taichi in a fixture"
 
 
 @pytest.fixture(scope="session")

@@ -132,8 +132,8 @@ class Body:
         whole = self.weights * self.per_bar(*stiffness) * self.lengths
         return float(np.sum(0.5 * integrity * whole * self.strains(displacement) ** 2))
 
-    def stiffness_matrix(self, stiffness: tuple[float, float]):
-        """(3 nodes, 3 nodes) sparse stiffness at rest, N/m."""
+    def stiffness_matrix(self, stiffness: tuple[float, float], integrity: Array | float = 1.0):
+        """(3 nodes, 3 nodes) sparse stiffness at rest, N/m, as ``forces``."""
         from scipy import sparse
 
         along = self.rest / self.lengths[:, None]
@@ -145,7 +145,7 @@ class Body:
         ) - sparse.csr_matrix(
             (along.ravel(), (rows, columns[:, 0].ravel())), shape=(bars, 3 * nodes)
         )
-        k = self.weights * self.per_bar(*stiffness) / self.lengths
+        k = integrity * self.weights * self.per_bar(*stiffness) / self.lengths
         return (stretch.T @ sparse.diags(k) @ stretch).tocsr()
 
     # -- the program's layout ----------------------------------------------------------------------

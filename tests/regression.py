@@ -112,9 +112,11 @@ def digest(rows: list[list[float]]) -> str:
 
 def kind() -> dict[str, str | None]:
     """What the bits depend on."""
-    from taichi_ldem.provenance import _cpu, _version
+    from taichi_ldem import processor
+    from taichi_ldem.provenance import _version
 
-    return {"cpu": _cpu(), "taichi": _version("taichi")}
+    width = str(processor.vector_bytes())
+    return {"cpu": processor.name(), "vector_bytes": width, "taichi": _version("taichi")}
 
 
 def stored(name: str) -> dict[str, Any]:

@@ -11,10 +11,11 @@ from blocks import DAMAGE, PMMA, SPACING, block_scene
 from reference import Body
 
 from taichi_ldem import material as mat
+from taichi_ldem.cracks import broken_area
 from taichi_ldem.lattice import Lattice, prism
 from taichi_ldem.scenarios import bend
-from taichi_ldem.scene import Notch, Scene
-from taichi_ldem.store import RunFolder, read_broken_bars
+from taichi_ldem.scene import Notch, Scene, load_scene
+from taichi_ldem.store import BrokenBars, RunFolder, read_broken_bars
 from taichi_ldem.studies.compliance import lattice_compliance
 
 if TYPE_CHECKING:
@@ -260,6 +261,24 @@ def test_a_run_reports_its_energies_at_the_peak(finished: RunFolder) -> None:
     # 1.5 mm x (3 - 1.125) mm; more than G_f per area only if it cracks beside the section too
     assert summary["ligament_area_m2"] == pytest.approx(1.5e-3 * 1.875e-3, rel=0.05)
     assert 0.3 * 1034 < summary["fracture_per_ligament_j_m2"] < 2 * 1034
+
+
+def test_damage_beside_the_notch_s_plane_is_told_apart(finished: RunFolder) -> None:
+    """Beside the broken bars that were recorded: each of them holds G_f times its area."""
+    bars, summary = read_broken_bars(finished.fields_file), finished.read_summary()
+    scene = load_scene(finished.scene_file)
+    far = np.abs(bars.position_m[:, 0]) > 0.51 * scene.plate.spacing
+    assert summary["broken_bars_beside_plane"] == np.count_nonzero(far)
+    beside = BrokenBars(bars.time_s[far], bars.position_m[far], bars.bar[far])
+    least = 1034 * float(broken_area(beside, scene, np.array([1.0]))[0])
+    assert least <= summary["fracture_beside_plane_j"] * (1 + 1e-9)
+    in_plane = summary["fracture_j"] - summary["fracture_beside_plane_j"]
+    assert 0.5 * summary["fracture_j"] < in_plane <= summary["fracture_j"]
+
+
+def test_a_new_run_clears_the_folder(finished: RunFolder) -> None:
+    left = {path.name for path in finished.path.iterdir()}
+    assert left - {path.name for path in finished._own_files()} == {"run.lock"}
 
 
 def test_a_run_has_its_pictures(finished: RunFolder) -> None:

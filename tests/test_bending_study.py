@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taichi_ldem.cli import main
 from taichi_ldem.scene import load_scene
 from taichi_ldem.studies import bending, compliance
 
@@ -35,16 +36,20 @@ def test_names_tell_the_specimens_apart() -> None:
     assert len({specimen.name for specimen in SERIES}) == len(SERIES)
 
 
-def test_a_finished_specimen_is_not_run_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    ran: list[list[str]] = []
+@pytest.fixture
+def ran(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+    """Commands that would have been run; each is taken to fail with exit code 3."""
+    commands: list[list[str]] = []
 
     def record(command: list[str], **_: object) -> subprocess.CompletedProcess[str]:
-        ran.append(command)
+        commands.append(command)
         return subprocess.CompletedProcess(command, 3)
 
     monkeypatch.setattr(subprocess, "run", record)
+    return commands
+
+
+def test_a_finished_specimen_is_not_run_again(tmp_path: Path, ran: list[list[str]]) -> None:
     done, missing = SERIES[:2]
     (tmp_path / done.name).mkdir()
     for name in ("summary.json", "statics.json"):
@@ -54,6 +59,24 @@ def test_a_finished_specimen_is_not_run_again(
     (command,) = ran
     file = Path(command[command.index("bend") + 1])
     assert load_scene(file) == missing.scene(BASE)
+
+
+def test_the_command_runs_a_series_on_the_scene_s_modules(
+    tmp_path: Path, ran: list[list[str]]
+) -> None:
+    words = [
+        "bend",
+        str(CONFIGS / "bend_quick.toml"),
+        "--series",
+        "--out",
+        str(tmp_path / "series"),
+    ]
+    assert main([*words, "--set", "solver.duration=9e-4"]) == 3
+    scenes = [load_scene(Path(command[command.index("bend") + 1])) for command in ran]
+    assert len(scenes) == len(bending.SPECIMENS)
+    assert {scene.plate.spacing for scene in scenes} == {5e-4}
+    assert {scene.solver.duration for scene in scenes} == {9e-4}
+    assert main(["bend", str(CONFIGS / "tension.toml"), "--series"]) == 2
 
 
 def test_a_perfectly_brittle_series_gives_its_fracture_energy(tmp_path: Path) -> None:
@@ -73,7 +96,8 @@ def test_a_perfectly_brittle_series_gives_its_fracture_energy(tmp_path: Path) ->
         keys = ("work", "kinetic", "contact", "fracture", "time")
         summary = {f"peak_{key}_j": 0.0 for key in keys} | {"peak_time_s": 0.0}
         summary |= {"peak_strain_j": strain, "absorbed_j": strain}
-        summary |= {"fracture_per_ligament_j_m2": given}
+        summary |= {"fracture_per_ligament_j_m2": given, "fracture_j": 1e-2}
+        summary |= {"fracture_beside_plane_j": 1e-3, "strain_end_j": 0.0, "kinetic_end_j": 0.0}
         folder = tmp_path / specimen.name
         folder.mkdir()
         (folder / "summary.json").write_text(json.dumps(summary))
@@ -84,20 +108,24 @@ def test_a_perfectly_brittle_series_gives_its_fracture_energy(tmp_path: Path) ->
     (line,) = numbers["lattices"]
     assert line["slope_through_origin"] == pytest.approx(given, rel=1e-9)
     assert abs(line["intercept_j"]) < 1e-9
+    assert line["beside_plane"] == pytest.approx(0.1, rel=1e-12)
     assert len(numbers["specimens"]) == 8
     assert (tmp_path / "bending.png").stat().st_size > 10_000
     text = (tmp_path / "bending.md").read_text()
-    assert "| 0.5 | 8 | 1000 |" in text
+    assert "| 0.5 | 3 | 8 | 1000 |" in text
 
 
 def test_the_line_s_confidence_is_student_s() -> None:
     """Anscombe's first set (1973): slope 0.5001 with standard error 0.1179, eleven points."""
     x = np.array([10, 8, 13, 9, 11, 14, 6, 4, 12, 7, 5], dtype=float)
     y = np.array([8.04, 6.95, 7.58, 8.81, 8.33, 9.96, 7.24, 4.26, 10.84, 4.82, 5.68])
-    rows = [
-        {"spacing_m": 1.0, "b_w_phi_m2": a, "energy_j": b, "fracture_per_ligament_j_m2": 1.0}
-        for a, b in zip(x, y, strict=True)
-    ]
+    others = {
+        "spacing_m": 1.0,
+        "thickness_m": 1.0,
+        "fracture_per_ligament_j_m2": 1.0,
+        "beside_plane": 0.0,
+    }
+    rows = [others | {"b_w_phi_m2": a, "energy_j": b} for a, b in zip(x, y, strict=True)]
     line = bending.fit(rows)
     assert line["fracture_energy_slope"] == pytest.approx(0.5001, abs=1e-4)
     assert line["confidence_95"] == pytest.approx(2.2622 * 0.1179, rel=1e-3)  # t(0.975, 9)

@@ -72,8 +72,31 @@ BAD = {
     "unknown_table": Bad("[striker]", "[stricker]", "unknown key 'stricker'; did you mean 'str"),
     "unknown_kind": Bad('"rings"', '"glued"', 'must be "rings", "bonded", "rim" or "free"'),
     "unknown_scenario": Bad('"impact"', '"impakt"', 'scenario = "impakt": must be "impact"'),
-    "later_table": Bad(
-        STEP, f"{STEP}\n[disorder]\nseed = 1", "'disorder' is not available in this"
+    "disorder_of_nothing": Bad(
+        STEP, f"{STEP}\n[disorder]\nseed = 1", "'[disorder]' names nothing that varies: give one of"
+    ),
+    "cv": Bad(
+        STEP,
+        f"{STEP}\n[disorder]\ndensity_cv = 2",
+        "disorder.density_cv = 2: must be at most 1.5",
+    ),
+    "cv_and_data": Bad(
+        STEP,
+        f"{STEP}\n[disorder]\ndensity_cv = 0.1\ndensity_data = [1, 2, 3]",
+        "disorder.density_cv = 0.1: must not stand beside disorder.density_data",
+    ),
+    "two_data": Bad(
+        STEP, f"{STEP}\n[disorder]\ndensity_data = [1, 2]", "must be at least 3 values that differ"
+    ),
+    "data_of_text": Bad(
+        STEP,
+        f"{STEP}\n[disorder]\ndensity_data = 1",
+        "disorder.density_data = 1: must be a list of numbers",
+    ),
+    "correlation_within_a_module": Bad(
+        STEP,
+        f"{STEP}\n[disorder]\ndensity_cv = 0.1\ncorrelation_length = 1e-4",
+        "disorder.correlation_length = 0.0001: must be at least",
     ),
     "later_key": Bad(SIZE, f"{SIZE}\nperturbation = 0.1", "'plate.perturbation' is not available"),
     "missing_key": Bad("density = 1190.0\n", "", "missing key 'material.density'"),
@@ -263,7 +286,8 @@ def test_a_bad_scene_is_refused_in_one_line(
         (["--set", "solver.a\nb=1"], "unknown key 'solver.a b'"),
         (["--set", f"solver.{'a' * 10000}=1"], "unknown key 'solver.aaa"),
         (["--set", "notch.position=1"], "'notch' is not a single table"),
-        (["--set", "disorder.seed=1"], "scene key 'disorder' is not available in this version"),
+        (["--set", "disorder.seed=1"], "table '[disorder]' names nothing that varies"),
+        (["--set", "plate.perturbation=1"], "key 'plate.perturbation' is not available in this"),
         (["--set", "solver.arch=cpu", "--arch", "gpgpu"], 'solver.arch = "gpgpu": must be "cpu"'),
         (["--precision", "f16"], 'solver.precision = "f16": must be "f64" or "f32"'),
         (["--threads", "two"], "Invalid value for '--threads'"),

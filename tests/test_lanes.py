@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from reference import Body
 
-from taichi_ldem.lanes import HALO, LANE_BYTES, Lanes
+from taichi_ldem.lanes import HALO, Lanes
+from taichi_ldem.processor import NARROW, WIDE, _vector_bytes, vector_bytes
 
 if TYPE_CHECKING:
     from taichi_ldem.simulation import Simulation
 
 
-@pytest.mark.parametrize("width", [1, 2, 4])
+@pytest.mark.parametrize("width", [1, 2, 4, 8])
 @pytest.mark.parametrize("sites", [11, 18, 25, 177])
 def test_what_is_spread_is_gathered(sites: int, width: int) -> None:
     lanes = Lanes(sites, width)
@@ -23,7 +24,7 @@ def test_what_is_spread_is_gathered(sites: int, width: int) -> None:
     np.testing.assert_array_equal(lanes.gather(stored), values)
 
 
-@pytest.mark.parametrize("width", [1, 2, 4])
+@pytest.mark.parametrize("width", [1, 2, 4, 8])
 def test_neighbours_along_x_are_neighbouring_columns(width: int) -> None:
     lanes = Lanes(50, width)
     index = lanes.index()
@@ -35,8 +36,8 @@ def test_neighbours_along_x_are_neighbouring_columns(width: int) -> None:
 
 
 def test_short_rows_have_fewer_lanes() -> None:
-    assert Lanes.fitting(177, 8).width == LANE_BYTES // 8
-    assert Lanes.fitting(177, 4).width == LANE_BYTES // 4
+    assert Lanes.fitting(177, 8).width == vector_bytes() // 8
+    assert Lanes.fitting(177, 4).width == vector_bytes() // 4
     for sites in range(4, 40):
         lanes = Lanes.fitting(sites, 4)
         assert lanes.width == 1 or lanes.length >= 2 * HALO
@@ -60,3 +61,21 @@ def test_halos_repeat_their_neighbours_while_the_block_moves(
         for axis in range(3):
             stored = dynamics.displacement[s][axis].to_numpy()[elastic.now]
             np.testing.assert_array_equal(stored, dynamics.lanes.spread(moved[s, ..., axis]))
+
+
+@pytest.mark.parametrize(
+    ("vendor", "family", "model", "flags", "expected"),
+    [
+        ("AuthenticAMD", 25, 17, "sse2 avx avx2", WIDE),  # Zen 4
+        ("AuthenticAMD", 26, 2, "sse2 avx avx2", NARROW),  # Zen 5: later than LLVM 15
+        ("GenuineIntel", 6, 0x8F, "avx2 avx512f", WIDE),  # Sapphire Rapids
+        ("GenuineIntel", 6, 0xAD, "avx2 avx512f", NARROW),  # Granite Rapids: later
+        ("GenuineIntel", 6, 0x3F, "sse2 avx", NARROW),  # a hypervisor hides AVX2
+    ],
+)
+def test_columns_are_as_wide_as_the_compiler_s_registers(
+    vendor: str, family: int, model: int, flags: str, expected: int
+) -> None:
+    described = {"vendor_id": vendor, "cpu family": str(family), "model": str(model)}
+    assert _vector_bytes(described | {"flags": flags}) == expected
+    assert _vector_bytes({}) == NARROW

@@ -8,15 +8,21 @@ import pytest
 from blocks import DAMAGE, block_scene
 
 from taichi_ldem import memory
-from taichi_ldem.scene import SceneError
+from taichi_ldem.scene import DISORDERED, SceneError
 
 NOTCH = [{"normal": "x", "position": 2.5e-4, "from": [-1, -1], "to": [1, 1]}]
 
 
 @pytest.mark.parametrize(
     "tables",
-    [{}, {"material": DAMAGE}, {"solver": {"damping": 10.0}}, {"notch": NOTCH}],
-    ids=["elastic", "damage", "damping", "notch"],
+    [
+        {},
+        {"material": DAMAGE},
+        {"solver": {"damping": 10.0}},
+        {"notch": NOTCH},
+        {"material": DAMAGE, "disorder": {f"{n}_cv": 0.1 for n in DISORDERED}},
+    ],
+    ids=["elastic", "damage", "damping", "notch", "disorder"],
 )
 def test_the_bytes_are_those_of_the_fields(taichi: None, tables: dict) -> None:
     from taichi_ldem.dynamics import field_bytes

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from test_impact import ldem
 
 from taichi_ldem.cli import main
 from taichi_ldem.scene import load_scene, parse_scene, scene_to_toml
@@ -22,7 +23,7 @@ SMALL = [  # 30 x 30 x 1 modules
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("run") / "modes"
     command = ["modes", str(CONFIGS / "modes_quick.toml"), "--out", str(out), "--count", "7"]
-    assert main([*command, "--quiet", *SMALL]) == 0
+    assert ldem(*command, "--quiet", *SMALL).returncode == 0
     return out
 
 
@@ -63,14 +64,11 @@ def test_shapes_open_in_vtk_and_are_held_where_the_rings_are(folder: Path) -> No
         assert not shape[(radius > 0.0301) & (radius < 0.0419)].any()
 
 
-def test_any_scene_will_do_and_is_told_what_is_left_out(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_any_scene_will_do_and_is_told_what_is_left_out(tmp_path: Path) -> None:
     out = tmp_path / "impact"
     command = ["modes", str(CONFIGS / "impact_quick.toml"), "--out", str(out), "--count", "1"]
     settings = ["--set", "plate.modules_through_thickness=1", "--set", "striker.gravity=9.81"]
-    assert main([*command, *settings]) == 0
-    printed = capsys.readouterr().out
+    printed = ldem(*command, *settings).stdout
     assert "taken as bonded" in printed
     assert "striker is left out" in printed
     assert json.loads((out / "summary.json").read_text())["names"] == ["(0, 0)"]
@@ -85,11 +83,12 @@ def test_impact_refuses_the_scene_of_modes(
     assert not out.exists()
 
 
-def test_too_many_modes_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_too_many_modes_are_refused(tmp_path: Path) -> None:
     command = ["modes", str(CONFIGS / "modes_quick.toml"), "--out", str(tmp_path / "run")]
     size = ["--set", "plate.size=[0.004, 0.004, 0.001]", "--set", "clamp.kind=free"]
-    assert main([*command, *size, "--count", "900"]) == 2
-    assert "modes.count = 900: at most" in capsys.readouterr().err
+    done = ldem(*command, *size, "--count", "900")
+    assert done.returncode == 2
+    assert "modes.count = 900: at most" in done.stderr
 
 
 def test_only_modes_need_no_end_time(tmp_path: Path) -> None:

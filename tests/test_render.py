@@ -44,7 +44,7 @@ def test_shared_faces_are_drawn_only_once_a_crack_opens_them():
     cracked = exterior(fields_of(mask, np.array([0.1, render.GONE, 0.3])), part)
     assert len(cracked.corners) == 12  # two separate modules
     assert cracked.opened.sum() == 2
-    np.testing.assert_allclose(np.unique(cracked.broken), np.float32([0.1, 0.3]))
+    np.testing.assert_allclose(np.unique(cracked.value), np.float32([0.1, 0.3]))
 
 
 def test_a_module_that_a_corner_has_left_is_not_drawn():
@@ -115,6 +115,7 @@ def test_a_child_that_dies_is_one_line(cracked, monkeypatch, capsys):
 
 def test_a_child_that_hangs_is_ended(cracked, monkeypatch, capsys):
     monkeypatch.setattr(render, "TIMEOUT_S", 0.05)
+    monkeypatch.setattr(render, "TIMEOUT_PER_PICTURE_S", 0.0)
     assert render_run(cracked, [0.0]) == []
     assert "took more than" in capsys.readouterr().err
 

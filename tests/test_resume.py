@@ -36,6 +36,7 @@ precision, damping, clamp = sys.argv[1], float(sys.argv[2]), sys.argv[3]
 scene = block_scene(
     16, 16, 3,
     material=DAMAGE,
+    disorder={"fracture_energy_cv": 0.3, "youngs_modulus_cv": 0.1, "density_cv": 0.1, "seed": 5},
     striker={"diameter": 2e-3, "mass": 1e-3, "velocity": 6.0, "gravity": 9.81, "gap": 2e-5},
     clamp={"kind": clamp, "inner_diameter": 5.2e-3, "outer_diameter": 7.6e-3},
     solver={"duration": 1.2e-4, "precision": precision, "damping": damping, "threads": 1},
@@ -341,7 +342,7 @@ def _altered(content: bytes, change) -> bytes:
     ("change", "message"),
     [
         (lambda f: f.attrs.__setitem__("version", "0.0.9"), "is of version 0.0.9"),
-        (lambda f: f.attrs.__setitem__("format", 2), "format 2"),
+        (lambda f: f.attrs.__setitem__("format", 3), "format 3"),
         (lambda f: f.attrs.__delitem__("scene"), "no checkpoint of this program"),
         (lambda f: f.attrs.__setitem__("scene", "scenario = 3"), "its scene: "),
         (lambda f: f.attrs.__setitem__("rows", -1), "negative counts"),

@@ -16,10 +16,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from taichi_ldem import material as mat
 from taichi_ldem import signals
-from taichi_ldem.lattice import BARS_PER_SITE, DIAGONAL, Lattice, bar_weights
+from taichi_ldem.lattice import BAR_VECTORS, BARS_PER_SITE, DIAGONAL, Lattice, bar_weights
 from taichi_ldem.scenarios import runner
 from taichi_ldem.scene import Notch, Scene
 
@@ -66,6 +67,21 @@ def ligament_area(scene: Scene, notch: Notch, lattice: Lattice) -> float:
     return total * lattice.spacing**2
 
 
+def beside_plane(notch: Notch, lattice: Lattice) -> npt.NDArray[np.bool_]:
+    """(14, *S) bars that a flat crack in the notch's plane would leave alone.
+
+    Their middles are more than half a module off it: a crack along either side of the plane's nodes
+    breaks bars whose middles are nearer.
+    """
+    axis = notch.axes[0]
+    place = lattice.positions()[..., axis]
+    middles = [
+        place[0 if bar < 3 else 1] + 0.5 * lattice.spacing * vector[axis]
+        for bar, vector in enumerate(BAR_VECTORS)
+    ]
+    return np.asarray(np.abs(np.stack(middles) - notch.position) > 0.51 * lattice.spacing)
+
+
 def peak_index(history: runner.History, onset: float | None) -> int:
     """Row of the peak (see the module); the largest strain energy where it never falls so far.
 
@@ -89,7 +105,9 @@ def summary(simulation: "Simulation", history: runner.History) -> dict[str, Any]
     notches = [notch for notch in scene.notch if notch.normal == "x"]
     _, width, height = scene.plate.actual_size
     depth, area = 0.0, width * height
+    beside: tuple[float | None, int | None] = (None, None)
     if notches:
+        beside = simulation.fracture_of(beside_plane(notches[0], lattice))
         depth = notch_depth(notches[0], lattice)
         area = ligament_area(scene, notches[0], lattice)
     first, last = history[0], history[-1]
@@ -113,7 +131,12 @@ def summary(simulation: "Simulation", history: runner.History) -> dict[str, Any]
         "peak_kinetic_j": peak["kinetic_plate_j"],
         "peak_contact_j": peak["contact_j"],
         "absorbed_j": peak["strain_j"] + peak["fracture_j"],
+        "broken_bars_at_peak": peak["broken_bars"],
         "fracture_per_ligament_j_m2": last["fracture_j"] / area,
+        "fracture_beside_plane_j": beside[0],
+        "broken_bars_beside_plane": beside[1],
+        "strain_end_j": last["strain_j"],
+        "kinetic_end_j": last["kinetic_plate_j"],
         "striker_velocity_end_m_s": last["striker_velocity_m_s"],
         "contact_striker_j": simulation.contact_loss(simulation.striker),
         "contact_supports_j": simulation.contact_loss(simulation.supports),

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from rich.console import Console
 
-from taichi_ldem import backend, material, modeshapes
+from taichi_ldem import backend, modeshapes
 from taichi_ldem.describe import warnings
 from taichi_ldem.modeshapes import Name
 from taichi_ldem.scene import Clamp, Modes, Scene, SceneError, scene_to_toml
@@ -139,14 +139,9 @@ def linearised(scene: Scene) -> tuple[Scene, list[str]]:
 def build(scene: Scene) -> "tuple[Dynamics, npt.NDArray[np.int32]]":
     """The lattice's fields and kernels, and its fixed nodes; Taichi must have been started."""
     from taichi_ldem.contact import Rings
-    from taichi_ldem.dynamics import Dynamics, Features
-    from taichi_ldem.simulation import build_lattice, notch_bars
+    from taichi_ldem.simulation import build_dynamics
 
-    lattice = build_lattice(scene)
-    bars = material.bar_families(scene.material, lattice.spacing, scene.plate.stiffness)
-    dynamics = Dynamics(lattice, bars, scene.material.density, Features(notch=bool(scene.notch)))
-    if scene.notch:
-        dynamics.set_removed(notch_bars(scene, lattice))
+    dynamics, _ = build_dynamics(scene)
     if scene.clamp is None or not scene.held:
         return dynamics, np.zeros(0, dtype=np.int32)
     return dynamics, Rings(dynamics, scene.clamp, scene.plate).listed()
@@ -154,7 +149,7 @@ def build(scene: Scene) -> "tuple[Dynamics, npt.NDArray[np.int32]]":
 
 def name_modes(scene: Scene, dynamics: "Dynamics", solution: "Solution") -> list[Mode]:
     """Each mode with its name and group."""
-    mass = np.moveaxis(dynamics.mass.to_numpy()[dynamics.lattice.code], -1, 0)
+    mass = dynamics.masses()
     position = dynamics.lattice.positions()
     radius = reference_radius(scene)
     inside = np.hypot(position[..., 0], position[..., 1]) <= (radius or math.inf)

@@ -24,7 +24,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from taichi_ldem import backend
 from taichi_ldem.describe import implied, warnings
-from taichi_ldem.memory import refuse_too_large
+from taichi_ldem.memory import peak_bytes, refuse_too_large
 from taichi_ldem.provenance import provenance
 from taichi_ldem.scene import Scene, SceneError, load_scene, parse_scene, scene_to_toml
 from taichi_ldem.store import FieldWriter, HistoryWriter, RunFolder, hexahedral_mesh
@@ -550,6 +550,7 @@ def cost(
         "bars": lattice.bars,
         "nodes": lattice.nodes,
         "bars_per_s": lattice.bars * simulation.steps / wall,
+        "peak_memory_bytes": peak_bytes(),
     }
 
 

@@ -1,5 +1,6 @@
 """Fracture energy from a series of notched bending tests: U against B W phi (Fig. 7 of the paper).
 
+    ldem bend configs/bend.toml --series                     # on the scene's own module size
     python -m taichi_ldem.studies.bending configs/bend.toml outputs/bending [--spacings 5e-4 2.5e-4]
 
 Widths and notches span the paper's; the notches are rounded to where the lattice has its crack tips
@@ -9,7 +10,8 @@ is not run again, so the study can be cut and resumed.
 U is what the specimen has absorbed when its crack begins to run (the peak of ``bend``), less the
 elastic energy of the dents at the striker and the supports, as ISO 17281 corrects for them: the
 share of the strain energy that their compliance has in the lattice's. phi is
-``compliance.calibration``.
+``compliance.calibration``. What the whole test dissipates over the ligament is a second measure;
+the share of it in bars beside the notch's plane is damage that no flat crack has.
 """
 
 import json
@@ -77,8 +79,12 @@ class Specimen:
         return parse_scene(data, self.name)
 
 
-def run(specimen: Specimen, base: Scene, folder: Path, extra: Sequence[str]) -> None:
-    """Run a specimen in a process of its own and its statics here, unless they are finished."""
+def run(specimen: Specimen, base: Scene, folder: Path, extra: Sequence[str]) -> int:
+    """Run a specimen in a process of its own and its statics here, unless they are finished.
+
+    Returns:
+        the process's exit code.
+    """
     scene, out = specimen.scene(base), folder / specimen.name
     if not (out / "summary.json").exists():
         file = folder / f"{specimen.name}.toml"
@@ -88,9 +94,26 @@ def run(specimen: Specimen, base: Scene, folder: Path, extra: Sequence[str]) -> 
         done = subprocess.run([*command, "--force", *extra], check=False)
         if done.returncode:
             print(f"{specimen.name}: failed with exit code {done.returncode}", flush=True)
-            return
+            return done.returncode
     if not (out / "statics.json").exists():
         (out / "statics.json").write_text(json.dumps(statics(scene)))
+    return 0
+
+
+def series(
+    specimens: Sequence[Specimen],
+    base: Scene,
+    folder: Path,
+    extra: Sequence[str] = (),
+    others: Sequence[Row] = (),
+) -> int:
+    """Run what is missing and report after every specimen; the last exit code that is not 0."""
+    folder.mkdir(parents=True, exist_ok=True)
+    code = 0
+    for specimen in specimens:
+        code = run(specimen, base, folder, extra) or code
+        report(read(specimens, base, folder), base, folder, others)
+    return code
 
 
 def statics(scene: Scene) -> dict[str, float]:
@@ -126,6 +149,7 @@ def evaluate(
     energy = summary["absorbed_j"] - in_dents
     return {
         "spacing_m": scene.plate.spacing,
+        "thickness_m": thickness,
         "width_m": width,
         "notch_depth_m": depth,
         "alpha": alpha,
@@ -141,6 +165,9 @@ def evaluate(
         "added_compliance": unit * (static["notched_m_n"] - static["whole_m_n"]),
         "added_compliance_published": compliance.added_by_notch(alpha, beta),
         "peak_time_s": summary["peak_time_s"],
+        "beside_plane": summary["fracture_beside_plane_j"] / summary["fracture_j"],
+        "left_strain_j": summary["strain_end_j"],
+        "left_kinetic_j": summary["kinetic_end_j"],
     }
 
 
@@ -153,12 +180,14 @@ def fit(rows: Sequence[Row]) -> Row:
     line = stats.linregress(x, y)
     return {
         "spacing_m": rows[0]["spacing_m"],
+        "thickness_m": rows[0]["thickness_m"],
         "specimens": len(rows),
         "fracture_energy_slope": float(line.slope),
         "confidence_95": float(stats.t.ppf(0.975, len(x) - 2) * line.stderr),
         "intercept_j": float(line.intercept),
         "slope_through_origin": float(x @ y / (x @ x)),
         "fracture_per_ligament": float(np.mean([r["fracture_per_ligament_j_m2"] for r in rows])),
+        "beside_plane": float(np.mean([r["beside_plane"] for r in rows])),
     }
 
 
@@ -175,6 +204,7 @@ def read(specimens: Sequence[Specimen], base: Scene, folder: Path) -> list[Row]:
 
 COLUMNS = (
     ("L [mm]", "spacing_m", 1e3, ".3g"),
+    ("B [mm]", "thickness_m", 1e3, ".3g"),
     ("W [mm]", "width_m", 1e3, ".2f"),
     ("a [mm]", "notch_depth_m", 1e3, ".3f"),
     ("a/W", "alpha", 1, ".3f"),
@@ -188,17 +218,22 @@ COLUMNS = (
     ("of it fracture [mJ]", "fracture_j", 1e3, ".2f"),
     ("U/(B W phi) [J/m2]", "energy_over_b_w_phi_j_m2", 1, ".0f"),
     ("fracture/ligament [J/m2]", "fracture_per_ligament_j_m2", 1, ".0f"),
+    ("of it beside the plane [%]", "beside_plane", 100, ".1f"),
+    ("strain left [mJ]", "left_strain_j", 1e3, ".2f"),
+    ("kinetic left [mJ]", "left_kinetic_j", 1e3, ".2f"),
     ("E B (C - C0), lattice", "added_compliance", 1, ".2f"),
     ("published", "added_compliance_published", 1, ".2f"),
 )
 FITS = (
     ("L [mm]", "spacing_m", 1e3, ".3g"),
+    ("B [mm]", "thickness_m", 1e3, ".3g"),
     ("specimens", "specimens", 1, "d"),
     ("slope [J/m2]", "fracture_energy_slope", 1, ".0f"),
     ("95 % [J/m2]", "confidence_95", 1, ".0f"),
     ("intercept [mJ]", "intercept_j", 1e3, ".2f"),
     ("slope through 0 [J/m2]", "slope_through_origin", 1, ".0f"),
     ("fracture/ligament, mean [J/m2]", "fracture_per_ligament", 1, ".0f"),
+    ("of it beside the plane, mean [%]", "beside_plane", 100, ".1f"),
 )
 
 
@@ -212,37 +247,49 @@ def table(rows: Sequence[Row], columns: Sequence[tuple[str, str, float, str]]) -
 
 
 def figure(rows: Sequence[Row], fits: Sequence[Row], given: float, file: Path) -> None:
-    """Draw U against B W phi with the lines, the input's slope and the measured band."""
+    """Draw U/B against W phi with the lines, the input's slope and the measured band."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     drawing = Figure(figsize=(9, 6.5), dpi=130, layout="constrained")
     FigureCanvasAgg(drawing)
-    axes = drawing.add_subplot(xlabel=r"$B W \phi$ [mm$^2$]", ylabel="U [mJ]")
-    ends = np.array([0.0, 1.1e6 * max(row["b_w_phi_m2"] for row in rows)])
+    axes = drawing.add_subplot(
+        xlabel=r"$W \phi$ [mm]", ylabel="U / B [mJ/mm]: energy absorbed when the crack runs"
+    )
+    largest = max(row["b_w_phi_m2"] / row["thickness_m"] for row in rows)
+    ends = np.array([0.0, 1.1e3 * largest])
     low, high = (1e-3 * g * ends for g in (MEASURED - SCATTER, MEASURED + SCATTER))
     label = f"experiments (paper): {MEASURED:.0f} +- {SCATTER:.0f} J/m2"
     axes.fill_between(ends, low, high, color="tab:red", alpha=0.15, lw=0, label=label)
     axes.plot(ends, 1e-3 * given * ends, "k--", lw=1, label=f"input G_f: {given:.0f} J/m2")
     for number, line in enumerate(fits):
         mine = [row for row in rows if row["spacing_m"] == line["spacing_m"]]
-        x, y = (np.array([row[key] for row in mine]) for key in ("b_w_phi_m2", "energy_j"))
-        axes.plot(1e6 * x, 1e3 * y, "os^D"[number % 4], color=f"C{number}", ms=8)
-        fitted = 1e3 * (line["fracture_energy_slope"] * 1e-6 * ends + line["intercept_j"])
+        x, y = (
+            np.array([row[key] / row["thickness_m"] for row in mine])
+            for key in ("b_w_phi_m2", "energy_j")
+        )
+        axes.plot(1e3 * x, y, "os^D"[number % 4], color=f"C{number}", ms=8)
         slope, error = line["fracture_energy_slope"], line["confidence_95"]
+        fitted = 1e-3 * slope * ends + line["intercept_j"] / line["thickness_m"]
         label = (
-            f"L = {1e3 * line['spacing_m']:.3g} mm: slope {slope:.0f} +- {error:.0f} J/m2 (95 %)"
+            f"L = {1e3 * line['spacing_m']:.3g} mm, B = {1e3 * line['thickness_m']:.3g} mm: "
+            f"slope {slope:.0f} +- {error:.0f} J/m2 (95 %)"
         )
         axes.plot(ends, fitted, color=f"C{number}", label=label)
     axes.set_xlim(*ends)
-    axes.set_ylim(bottom=min(0.0, *(1e3 * line["intercept_j"] for line in fits)))
+    axes.set_ylim(bottom=min(0.0, *(line["intercept_j"] / line["thickness_m"] for line in fits)))
     axes.grid(alpha=0.3)
     axes.legend(loc="upper left")
     drawing.savefig(file)
 
 
-def report(rows: Sequence[Row], base: Scene, folder: Path) -> None:
-    """Write ``summary.json``, ``bending.md`` and ``bending.png`` for lattices of three or more."""
+def report(rows: Sequence[Row], base: Scene, folder: Path, others: Sequence[Row] = ()) -> None:
+    """Write ``summary.json``, ``bending.md`` and ``bending.png`` for lattices of three or more.
+
+    Args:
+        others: rows of other series, on other modules, to stand beside.
+    """
+    rows = [*rows, *others]
     groups = [[r for r in rows if r["spacing_m"] == s] for s in {r["spacing_m"]: 0 for r in rows}]
     fits = [fit(group) for group in groups if len(group) > 2]
     if not fits:
@@ -265,16 +312,22 @@ def main() -> None:
     parser.add_argument("scene", type=Path, help="base scene: configs/bend.toml")
     parser.add_argument("folder", type=Path, help="where the run folders go")
     parser.add_argument("--spacings", nargs="*", type=float, default=SPACINGS, metavar="M")
+    every = range(len(SPECIMENS))
+    parser.add_argument(
+        "--specimens", nargs="+", type=int, default=every, choices=every, metavar="N",
+        help="numbers from 0 of those to run: all eight",
+    )  # fmt: skip
     parser.add_argument("--set", action="append", default=[], metavar="SECTION.KEY=VALUE")
     parser.add_argument("--threads", type=int)
+    parser.add_argument("--beside", nargs="+", type=Path, default=[], help="finished series")
     options = parser.parse_args()
-    options.folder.mkdir(parents=True, exist_ok=True)
     base = load_scene(options.scene, options.set)
-    specimens = [Specimen(*beam, spacing) for spacing in options.spacings for beam in SPECIMENS]
+    beams = [SPECIMENS[number] for number in options.specimens]
+    specimens = [Specimen(*beam, spacing) for spacing in options.spacings for beam in beams]
     extra = ["--threads", str(options.threads)] if options.threads else []
-    for specimen in specimens:
-        run(specimen, base, options.folder, extra)
-        report(read(specimens, base, options.folder), base, options.folder)
+    finished = [json.loads((folder / "summary.json").read_text()) for folder in options.beside]
+    others = [row for numbers in finished for row in numbers["specimens"]]
+    sys.exit(series(specimens, base, options.folder, extra, others))
 
 
 if __name__ == "__main__":

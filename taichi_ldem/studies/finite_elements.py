@@ -10,7 +10,7 @@ is exact where the lattice's is a staircase. The solid is cubic (C11, C12, C44),
 
 import math
 from argparse import ArgumentParser
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -45,12 +45,14 @@ class Part:
     Attributes:
         mesh: scikit-fem mesh with quadratic geometry, z from the mid-plane to a face.
         half: sides x, y of the quarter and half the thickness, m.
-        circles: radii between which the face is fixed, m; None: nothing is.
+        circles: radii between which the face is fixed, m; None: no ring is.
+        fixed: (n,) whether anything else holds the places (3, n), m; None: nothing does.
     """
 
     mesh: Any
     half: tuple[float, float, float]
     circles: tuple[float, float] | None
+    fixed: Callable[[Array], npt.NDArray[np.bool_]] | None = None
 
 
 # -- meshes
@@ -72,13 +74,38 @@ def clamped_plate(size: Sequence[float], inner: float, outer: float, refine: int
     Args:
         inner, outer: radii, m. refine: 1, 2, ...: elements per side.
     """
+    half = (size[0] / 2, size[1] / 2, size[2] / 2)
+    rings = (5 * refine, 3 * refine, refine + 1)
+    radii = _ring_radii(inner, outer, rings)
+    mesh = _round(half, radii, sum(rings), refine)
+    return Part(mesh, half, (inner, outer))
+
+
+def clamped_disc(radius: float, thickness: float, refine: int) -> Part:
+    """A disc fixed at its rim, through its whole thickness; m."""
+    half = (radius, radius, thickness / 2)
+    count = 5 * refine
+    radii = CORE * radius + (1 - CORE) * radius * graded(count, 1 / GRADING)
+    mesh = _round(half, radii, count, refine)
+
+    def rim(places: Array) -> npt.NDArray[np.bool_]:
+        held: npt.NDArray[np.bool_] = np.hypot(places[0], places[1]) > radius * (1 - 1e-6)
+        return held
+
+    return Part(mesh, half, (radius, radius), rim)
+
+
+def _round(half: tuple[float, float, float], radii: Array, levels: int, refine: int) -> Any:
+    """Mesh of an eighth whose elements follow circles of some radii, and a square beyond them.
+
+    Stress is singular at the clamp only: most elements stand along the radius.
+
+    Args:
+        levels: of elements around the core, those beyond the circles included.
+    """
     from skfem import MeshHex2, MeshQuad
 
-    half = (size[0] / 2, size[1] / 2, size[2] / 2)
-    # stress is singular at the circles only: most elements stand along the radius
     count = 2 * refine + 1
-    rings = (5 * refine, 3 * refine, refine + 1)
-    levels = sum(rings)
     line = np.linspace(0, 1, count + 1)
     core = MeshQuad.init_tensor(line, line)
     # in the plane of the parameters: squares around the core, cut along the diagonal
@@ -86,13 +113,10 @@ def clamped_plate(size: Sequence[float], inner: float, outer: float, refine: int
     right = MeshQuad(np.stack([wedge.p[0], wedge.p[0] * wedge.p[1]]), wedge.t)
     above = MeshQuad(right.p[::-1].copy(), right.t[::-1].copy())
     flat = (core + right + above).with_boundaries({})
-    thick = _extrude(flat, _graded(2 * refine, 1 / GRADING))
-    mesh = MeshHex2.from_mesh(thick)
+    mesh = MeshHex2.from_mesh(_extrude(flat, graded(2 * refine, 1 / GRADING)))
     places = np.array(mesh.doflocs)
-    radii = _ring_radii(inner, outer, rings)
-    x, y = _to_plate(places[0], places[1], radii, sum(rings[:2]), half[0])
-    mesh = MeshHex2(np.stack([x, y, half[2] * places[2]]), mesh.t)
-    return Part(mesh, half, (inner, outer))
+    x, y = _to_plate(places[0], places[1], radii, len(radii) - 1, half[0])
+    return MeshHex2(np.stack([x, y, half[2] * places[2]]), mesh.t)
 
 
 def _extrude(flat: Any, heights: Array) -> Any:
@@ -111,12 +135,12 @@ def _extrude(flat: Any, heights: Array) -> Any:
 
 def _ring_radii(inner: float, outer: float, rings: tuple[int, int, int]) -> Array:
     """Radii of the mesh's circles, m, from the core to the outer one, finest at the inner."""
-    first = CORE * inner + (1 - CORE) * inner * _graded(rings[0], 1 / GRADING)[1:]
-    second = inner + (outer - inner) * _graded(rings[1], GRADING)[1:]
+    first = CORE * inner + (1 - CORE) * inner * graded(rings[0], 1 / GRADING)[1:]
+    second = inner + (outer - inner) * graded(rings[1], GRADING)[1:]
     return np.concatenate([[CORE * inner], first, second])
 
 
-def _graded(count: int, ratio: float) -> Array:
+def graded(count: int, ratio: float) -> Array:
     """Places from 0 to 1 of ``count`` intervals, the last ``ratio`` times as long as the first."""
     steps = np.geomspace(1.0, ratio, count)
     return np.concatenate([[0.0], np.cumsum(steps) / steps.sum()])
@@ -131,7 +155,7 @@ def _to_plate(x: Array, y: Array, radii: Array, last: int, half: float) -> tuple
     m = np.maximum(x, y)
     share = np.divide(np.minimum(x, y), m, out=np.zeros_like(m), where=m > 0)
     angle = math.pi / 4 * share
-    end = m.max()
+    end = max(m.max(), 2.0 + last)  # beyond the mesh where nothing is outside the circles
     rho = np.where(m < 1, m * radii[0], np.interp(m - 1, np.arange(last + 1), radii))
     square = SQUARENESS[0] * np.clip(2 - m, 0, 1)
     along = rho * (square * SQUARENESS[1] + (1 - square) * np.cos(angle))
@@ -195,6 +219,8 @@ def fixed_freedoms(part: Part, basis: Any, symmetry: Symmetry) -> npt.NDArray[np
         inner, outer = part.circles
         face = np.abs(places[2] - part.half[2]) < slack
         held |= face & (radius > inner - 1e-6 * inner) & (radius < outer + 1e-6 * outer)
+    if part.fixed is not None:
+        held |= part.fixed(places)
     return held
 
 
@@ -284,7 +310,8 @@ def name_mode(part: Part, basis: Any, vector: Array, symmetry: Symmetry) -> Name
     at = np.abs(places[2]) < 1e-9 * part.half[0]
     w = vector[dofs][at]
     x, y = places[0][at], places[1][at]
-    if np.abs(w[np.hypot(x, y) > part.circles[1]]).max() > np.abs(w).max() / 2:
+    beyond = np.abs(w[np.hypot(x, y) > part.circles[1]])
+    if beyond.max(initial=0.0) > np.abs(w).max() / 2:
         return Name("outside")
     line = np.linspace(0, part.circles[0], 61)
     quarter = griddata((x, y), w, tuple(np.meshgrid(line, line)), method="linear", fill_value=0.0)
@@ -302,10 +329,10 @@ def scene_constants(scene: Scene) -> tuple[float, float, float]:
 
 
 def scene_part(scene: Scene, refine: int) -> Part:
-    """The mesh of a scene's plate: held by bonded rings, or free.
+    """The mesh of a scene's plate: held by bonded rings or at its rim, or free.
 
     Raises:
-        SceneError: another clamp, or a plate that is not square.
+        SceneError: a plate that is not square.
     """
     size, clamp = scene.plate.actual_size, scene.clamp
     if scene.plate.shape != "rectangle" or not math.isclose(size[0], size[1]):
@@ -314,9 +341,9 @@ def scene_part(scene: Scene, refine: int) -> Part:
         thickness = refine + 1
         n = [max(2, round(2 * refine * side / size[2] / 2)) for side in size[:2]]
         return free_plate(size, (n[0], n[1], thickness))
-    if clamp.kind == "rim":
-        raise SceneError('clamp.kind = "rim": the mesh is for bonded rings')
     assert clamp.inner_diameter is not None
+    if clamp.kind == "rim":
+        return clamped_disc(clamp.inner_diameter / 2, size[2], refine)
     assert clamp.outer_diameter is not None
     return clamped_plate(size, clamp.inner_diameter / 2, clamp.outer_diameter / 2, refine)
 

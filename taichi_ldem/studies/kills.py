@@ -57,7 +57,13 @@ def differences(run: Path, other: Path) -> list[str]:
     bars = [read_broken_bars(folder.fields_file) for folder in (one, two)]
     found += _unequal(bars[0], bars[1], "broken bars")
     numbers = [folder.read_summary() for folder in (one, two)]
-    for name in numbers[0].keys() - {"wall_s", "compile_s", "bars_per_s", "provenance"}:
+    for name in numbers[0].keys() - {
+        "wall_s",
+        "compile_s",
+        "bars_per_s",
+        "peak_memory_bytes",
+        "provenance",
+    }:
         if numbers[0][name] != numbers[1].get(name):
             found.append(f"summary, {name}")
     return found

@@ -51,6 +51,20 @@ def test_normal_stiffness_is_that_of_the_isotropic_solid_for_any_poisson_ratio(n
     assert c11 == pytest.approx(lame + 1 / (1 + nu), rel=1e-13)
 
 
+@pytest.mark.parametrize("nu", [0.2, 0.25, 0.3])
+def test_a_laterally_periodic_block_in_tension_has_the_input_s_constants(nu: float) -> None:
+    """Every node is a centre of symmetry, so uniform strain is equilibrium: no layer, no error.
+
+    The energy of a pull is a parabola in the contraction; at its lowest point it is E/2.
+    """
+    stiffness = mat.axial_stiffness(1.0, nu, 1.0)
+    none, one, two = (_bulk_energy(np.diag([1.0, -c, -c]), stiffness) for c in (0.0, 1.0, 2.0))
+    curvature = 0.5 * (two - 2 * one + none)
+    contraction = -(one - none - curvature) / (2 * curvature)
+    assert contraction == pytest.approx(nu, rel=1e-12)
+    assert 2 * (none - curvature * contraction**2) == pytest.approx(1.0, rel=1e-12)
+
+
 def test_a_quarter_gives_the_isotropic_solid_and_only_with_equation_2() -> None:
     assert mat.elastic_constants(1.0, 0.25) == pytest.approx((1.2, 0.4, 0.4), rel=1e-14)
     c11, c12, c44 = mat.elastic_constants(1.0, 0.25, "as-printed")

@@ -1,0 +1,75 @@
+"""Time the step of variants of a scene, interleaved in one process, so that only they differ.
+
+    python benchmarks/variants.py configs/impact.toml disorder.fracture_energy_cv=0.25 \
+        "disorder.fracture_energy_cv=0.25 disorder.density_cv=0.1" [--touched 0 0.05 0.2]
+
+The first variant is the scene itself. A step of free flight: no contact, no sampling; the plate
+starts with displacements of 1e-10 m drawn at random. ``--touched``: shares of columns, drawn at
+random, that count as damaged, so that their bars are looked at one by one. Prints a table of
+milliseconds a step, of the process's time (one thread) or of the clock's: medians of the rounds.
+"""
+
+import argparse
+import statistics
+import sys
+import time
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+STEPS = 4
+"""Steps timed at once, in every variant by turns."""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("scene")
+    parser.add_argument("variants", nargs="*", help="settings section.key=value, blanks between")
+    parser.add_argument("--precision", default="f64")
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--rounds", type=int, default=30)
+    parser.add_argument("--touched", nargs="*", type=float, default=[0.0])
+    options = parser.parse_args()
+    sys.path[:0] = [str(HERE), str(HERE.parent)]
+    import numpy as np
+    import taichi as ti
+
+    from taichi_ldem import backend
+    from taichi_ldem.scene import load_scene
+
+    solver = [f"solver.precision={options.precision}", f"solver.threads={options.threads}"]
+    variants = ["", *options.variants]
+    scenes = [load_scene(options.scene, solver + variant.split()) for variant in variants]
+    backend.start(scenes[0].solver)
+    from taichi_ldem.simulation import build_dynamics
+
+    plates = [build_dynamics(scene)[0] for scene in scenes]
+    for plate in plates:
+        shape = (2, *plate.sites, 3)
+        start = 1e-10 * plate.lattice.exists()[..., None]
+        plate.set_displacement(0, start * np.random.default_rng(0).uniform(-1, 1, shape))
+    clock = time.process_time if options.threads == 1 else time.perf_counter
+
+    def steps(plate: object, count: int) -> float:
+        started = clock()
+        for number in range(count):
+            spacing = plate.lattice.spacing
+            plate.step(number % 2, spacing, 5e-8, 5e-8, 0.0, plate.peak_strain, False)
+        ti.sync()
+        return (clock() - started) / count
+
+    print("| variant | columns touched | ms/step | over the scene's |\n|---|---:|---:|---:|")
+    for share in options.touched:
+        for plate in plates:
+            if plate.features.history:
+                chosen = np.random.default_rng(1).random(plate.touched.shape) < share
+                plate.touched.from_numpy(chosen.astype(np.uint8))
+            steps(plate, STEPS)
+        times = [[steps(plate, STEPS) for plate in plates] for _ in range(options.rounds)]
+        for number, variant in enumerate(variants):
+            mine = statistics.median(row[number] for row in times)
+            ratio = statistics.median(row[number] / row[0] for row in times)
+            print(f"| {variant or 'the scene'} | {share:.0%} | {1e3 * mine:.2f} | {ratio:.2f} |")
+
+
+if __name__ == "__main__":
+    main()

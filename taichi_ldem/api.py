@@ -1,0 +1,326 @@
+"""The Python interface: a scene, a simulation to step and look at, a run into a folder.
+
+    from taichi_ldem import Scene, Simulation
+
+    scene = Scene.load("configs/impact_quick.toml", "striker.velocity=2.0")
+    with Simulation(scene) as simulation:
+        history = simulation.run(until=1e-3)
+        deflection = -simulation.displacement[:, 2].min()
+
+``taichi_ldem.simulation.Simulation`` is the engine behind it; this class starts Taichi for it,
+gives plain arrays of the nodes that exist, and ends cleanly.
+"""
+
+from __future__ import annotations
+
+import gc
+import weakref
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_ldem import backend
+from taichi_ldem.scene import Scene, SceneError, load_scene, parse_scene
+from taichi_ldem.store import RunFolder
+
+if TYPE_CHECKING:
+    from taichi_ldem.simulation import Sample
+    from taichi_ldem.simulation import Simulation as Engine
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class BrokenBars:
+    """Bars that have failed, each listed once.
+
+    Attributes:
+        position: (n, 3) mid-points at rest, m.
+        bar: (n,) 0 to 13, see ``taichi_ldem.store.BAR_NUMBERING``.
+    """
+
+    position: FloatArray
+    bar: NDArray[np.int64]
+
+
+class Simulation:
+    """A scene that is stepped from Python.
+
+    Taichi has one state a process. A new simulation therefore starts Taichi afresh, which gives the
+    memory of earlier ones back and closes them: what is asked of them afterwards raises
+    RuntimeError. ``beside=True`` keeps the earlier ones alive; precision, arch and threads must be
+    theirs, and their memory comes back with the next simulation that is not beside them. Arrays
+    that were taken from a simulation are copies and stay.
+
+    Args:
+        scene: a scene, its tables as a mapping, or a scene file.
+        beside: live together with the simulations that there are.
+
+    Raises:
+        SceneError: the scene cannot be run, in one line.
+    """
+
+    _open: ClassVar[weakref.WeakSet[Simulation]] = weakref.WeakSet()
+    _running: ClassVar[tuple[object, ...] | None] = None  # what Taichi was started with
+
+    def __init__(self, scene: Scene | Mapping[str, Any] | str | Path, *, beside: bool = False):
+        self._engine: Engine | None = None
+        self.scene = as_scene(scene)
+        if self.scene.pulse is not None or self.scene.scenario == "modes":
+            raise SceneError(
+                f'scenario = "{self.scene.scenario}": does not start from rest; use '
+                "taichi_ldem.run(scene, folder)"
+            )
+        solver = self.scene.solver
+        wanted = (solver.arch, solver.precision, solver.threads)
+        if beside and Simulation._open:
+            if wanted != Simulation._running:
+                raise SceneError(
+                    "solver: arch, precision and threads must be those of the simulation beside"
+                )
+        else:
+            close_all()
+            backend.start(solver)
+            Simulation._running = wanted
+        # not at the top: it has kernels, and Taichi must have been started
+        engine = import_module("taichi_ldem.simulation")
+        self._engine = engine.Simulation(self.scene)
+        Simulation._open.add(self)
+        self._callbacks: list[Callable[[Simulation, Sample], object]] = []
+        self._stopped = False
+        self._samples: list[Sample] = []
+        lattice = self._engine.dynamics.lattice
+        self._exists = lattice.exists()
+        self._places = lattice.positions()[self._exists]
+
+    # -- stepping
+    # -----------------------------------------------------------------------------------
+
+    @property
+    def engine(self) -> Engine:
+        """The ``taichi_ldem.simulation.Simulation`` behind, for what has no name here."""
+        if self._engine is None:
+            raise RuntimeError(
+                "this simulation is closed (a later one was started without beside=True, or "
+                "close() was called); its arrays and history that were taken before stay"
+            )
+        return self._engine
+
+    @property
+    def time(self) -> float:
+        """Simulated time, s."""
+        return self.engine.time
+
+    @property
+    def time_step(self) -> float:
+        """Time step, s."""
+        return self.engine.time_step
+
+    @property
+    def finished(self) -> bool:
+        """Whether the scene's end has been reached."""
+        return self.engine.step_number > self.engine.steps
+
+    def step(self, count: int = 1) -> None:
+        """Take a number of time steps without looking at energies or forces."""
+        if count < 0:
+            raise ValueError(f"count = {count}: must not be negative")
+        self.engine.advance(count)
+
+    def sample(self) -> Sample:
+        """Take one step and measure energies and forces at its start; added to the history.
+
+        Forces are impulses over the time since the last sample.
+        """
+        sample = self.engine.sample_step()
+        self._samples.append(sample)
+        for callback in list(self._callbacks):
+            callback(self, sample)
+        return sample
+
+    def run(self, until: float | None = None) -> dict[str, FloatArray]:
+        """Step on, with a sample each ``output.history_interval``, and return the history.
+
+        Args:
+            until: time at which to stop, s; None: the scene's end. It may be called again.
+
+        Raises:
+            SimulationStopped: a NaN, or an energy error above 5 %.
+        """
+        self._stopped = False
+        engine = self.engine
+        for sample in engine.samples():
+            self._samples.append(sample)
+            for callback in list(self._callbacks):
+                callback(self, sample)
+            past = until is not None and sample.time >= until - 0.5 * engine.time_step
+            if past or self._stopped:
+                engine.guard(sample)
+                break
+        return self.history
+
+    def on_sample(
+        self, callback: Callable[[Simulation, Sample], object]
+    ) -> Callable[[Simulation, Sample], object]:
+        """Have a function called with the simulation and each sample; works as a decorator."""
+        self._callbacks.append(callback)
+        return callback
+
+    def stop(self) -> None:
+        """From a callback: end ``run`` after this sample."""
+        self._stopped = True
+
+    # -- looking
+    # ------------------------------------------------------------------------------------
+
+    @property
+    def samples(self) -> list[Sample]:
+        """All samples so far."""
+        return list(self._samples)
+
+    @property
+    def history(self) -> dict[str, FloatArray]:
+        """The samples so far as columns, (n,) each, under the names of ``history.csv``."""
+        from taichi_ldem.scenarios.runner import columns, row
+
+        rows = [row(sample) for sample in self._samples]
+        return {
+            name: np.array([r[name] for r in rows], dtype=float) for name in columns(self.scene)
+        }
+
+    @property
+    def positions(self) -> FloatArray:
+        """(n, 3) nodes at rest, m: corner nodes first, then those at the modules' centres."""
+        return self._places.copy()
+
+    @property
+    def displacement(self) -> FloatArray:
+        """(n, 3) displacement of the nodes at ``time``, m."""
+        return np.asarray(self.engine.displacement()[self._exists])
+
+    @property
+    def velocity(self) -> FloatArray:
+        """(n, 3) velocity of the nodes half a step before ``time``, m/s."""
+        return np.asarray(self.engine.dynamics.get_velocity()[self._exists])
+
+    @property
+    def broken_fraction(self) -> FloatArray:
+        """(nz, ny, nx) share of each module's twenty bars that have failed; 0 without damage.
+
+        Up to date when it is read, between samples too.
+        """
+        engine = self.engine
+        if not self.scene.material.damage:
+            return np.zeros(engine.dynamics.lattice.mask.shape)
+        self._note_broken()
+        return engine.broken_fraction()
+
+    @property
+    def broken_bars(self) -> BrokenBars:
+        """All bars that have failed so far."""
+        engine = self.engine
+        lattice = engine.dynamics.lattice
+        if not self.scene.material.damage:
+            return BrokenBars(np.zeros((0, 3)), np.zeros(0, dtype=np.int64))
+        self._note_broken()
+        recorded = engine.dynamics.recorded_bits()
+        found = [np.argwhere(recorded >> bar & 1) for bar in range(14)]
+        bar = np.repeat(np.arange(14), [len(sites) for sites in found])
+        return BrokenBars(lattice.bar_midpoints(np.concatenate(found), bar), bar)
+
+    def _note_broken(self) -> None:
+        self.engine.dynamics.new_broken()
+
+    # -- ending
+    # -------------------------------------------------------------------------------------
+
+    def close(self) -> None:
+        """Give its memory back once no other simulation is open. Doing it twice does no harm."""
+        if self._engine is None:
+            return
+        self._engine = None
+        Simulation._open.discard(self)
+        if not Simulation._open:
+            _reset()
+
+    def __enter__(self) -> Simulation:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        if self._engine is None:
+            return f"<Simulation of {self.scene.scenario}, closed>"
+        nodes, bars = len(self._places), self._engine.dynamics.lattice.bars
+        return (
+            f"<Simulation of {self.scene.scenario}: {nodes:,} nodes, {bars:,} bars, "
+            f"t = {self.time:.4g} of {self.scene.solver.duration:.4g} s>"
+        )
+
+
+def as_scene(scene: Scene | Mapping[str, Any] | str | Path) -> Scene:
+    """A scene from what stands for one; SceneError where it does not."""
+    if isinstance(scene, Scene):
+        return scene
+    if isinstance(scene, Mapping):
+        return parse_scene(scene)
+    return load_scene(scene)
+
+
+def close_all() -> None:
+    """Close every open simulation and give their memory back."""
+    for simulation in list(Simulation._open):
+        simulation._engine = None
+    Simulation._open.clear()
+    if Simulation._running is not None:
+        _reset()
+
+
+def _reset() -> None:
+    import taichi as ti
+
+    Simulation._running = None
+    gc.collect()
+    ti.reset()
+
+
+def run(
+    scene: Scene | Mapping[str, Any] | str | Path,
+    out: str | Path,
+    *,
+    force: bool = False,
+    quiet: bool = True,
+) -> RunFolder:
+    """Run a scene into a folder, as the command ``ldem SCENARIO`` does: files, figures, summary.
+
+    Starts Taichi afresh, so open simulations are closed.
+
+    Args:
+        out: the run folder; must be empty unless ``force``.
+
+    Raises:
+        SceneError: the scene or the folder cannot be used.
+        RuntimeError: the run did not end as it should; its exit code is in the message.
+    """
+    given = as_scene(scene)
+    close_all()
+    scenario = import_module(f"taichi_ldem.scenarios.{given.scenario}")
+    code = scenario.run(given, Path(out), force=force, quiet=quiet)
+    if code:
+        raise RuntimeError(f"the run in '{out}' ended with exit code {code}")
+    return RunFolder(Path(out))
+
+
+def open_run(folder: str | Path) -> RunFolder:
+    """A run folder: ``read_history()``, ``read_summary()`` and the places of its files.
+
+    Raises:
+        SceneError: it is none.
+    """
+    return RunFolder.open(Path(folder))

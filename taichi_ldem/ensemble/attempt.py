@@ -1,0 +1,329 @@
+"""One attempt at one member: claims it, starts one child, watches it, and records how it ended.
+
+This is what a worker executes, a thread here or on another machine; all it knows is the ensemble's
+folder. An attempt is claimed by creating its record, which only one process can do: a scheduler
+that starts it a second time because a worker died does not run the member again behind the back of
+``conduct``, which alone decides on retries.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any
+
+from taichi_ldem.checkpoint import LATEST, PREVIOUS
+from taichi_ldem.durable import refuse_locked, write_whole
+from taichi_ldem.ensemble.plan import ATTEMPTS, MEMBERS, SCENES
+from taichi_ldem.scene import SceneError
+from taichi_ldem.store import RunFolder
+
+POLL = 0.2
+"""Seconds between two looks at a child."""
+STOP_POLL = 1.0
+"""Seconds between two looks for the order to stop, which may be on a network's file system."""
+GRACE = 90.0
+"""Seconds that a child gets to take its checkpoint before it is killed."""
+PATIENCE = 120.0
+"""Seconds that an attempt waits for a run folder that another process still holds."""
+
+FINISHED, FAILED, KILLED, TIMED_OUT, LOST, STOPPED, RUNNING = (
+    "finished",
+    "failed",
+    "killed",
+    "timed out",
+    "lost",
+    "stopped",
+    "running",
+)
+GO_ON, STOP, STOP_NOW = 0, 1, 2
+
+PYTHON, FOLDER, SCENE = "{python}", "{folder}", "{scene}"
+"""Words of a command that stand for the worker's interpreter, the run folder and the scene."""
+
+
+@dataclass(frozen=True)
+class Commands:
+    """What a child executes, with the words above to be put in.
+
+    Attributes:
+        begin: makes the run from its start. resume: goes on from its checkpoint.
+    """
+
+    begin: tuple[str, ...]
+    resume: tuple[str, ...]
+
+
+def solver_commands(scenario: str) -> Commands:
+    """Those of ``ldem``."""
+    ldem = (PYTHON, "-m", "taichi_ldem.cli")
+    begin = (*ldem, scenario, SCENE, "--out", FOLDER, "--force")
+    return Commands(begin, (*ldem, "resume", FOLDER))
+
+
+@dataclass(frozen=True)
+class Task:
+    """An attempt to be made.
+
+    Attributes:
+        ensemble: its folder, absolute. name: of the member. number: of the attempt, from 1.
+        timeout: s, or None.
+        afresh: do not go on from a checkpoint.
+    """
+
+    ensemble: str
+    name: str
+    number: int
+    commands: Commands
+    timeout: float | None = None
+    afresh: bool = False
+
+    @property
+    def folder(self) -> Path:
+        """The run folder."""
+        return Path(self.ensemble, MEMBERS, self.name)
+
+    def record_file(self, ending: str = "json") -> Path:
+        """The attempt's record; "out" and "err": what its child wrote."""
+        return Path(self.ensemble, ATTEMPTS, f"{self.name}.{self.number}.{ending}")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How an attempt ended, or that it runs.
+
+    Attributes:
+        reason: one line, empty where the member finished.
+        how: "begun" or "resumed", or empty where no child was started.
+        exit_code: of the child; negative: the signal that ended it.
+        last_error: the last line that it wrote to stderr.
+        seconds: that it took.
+    """
+
+    name: str
+    number: int
+    state: str
+    reason: str = ""
+    how: str = ""
+    exit_code: int | None = None
+    last_error: str = ""
+    begun: str = ""
+    seconds: float = 0.0
+    host: str = ""
+    process: int = 0
+
+
+Stop = Callable[[], int]
+"""Tells whether to go on (0), to end the child cleanly (1), or at once (2)."""
+
+
+def is_finished(folder: Path) -> bool:
+    """Whether a run folder holds a finished run."""
+    return RunFolder(folder).summary_file.is_file()
+
+
+def read_attempts(ensemble: Path, name: str) -> list[Outcome]:
+    """The recorded attempts at a member, in order; a record that cannot be read is left out."""
+    found = []
+    for file in Path(ensemble, ATTEMPTS).glob(f"{name}.*.json"):
+        number = file.name[len(name) + 1 : -len(".json")]
+        if number.isdecimal():
+            with contextlib.suppress(OSError, ValueError, TypeError):
+                found.append(Outcome(**json.loads(file.read_text(encoding="utf-8"))))
+    found = [outcome for outcome in found if outcome.name == name]
+    return sorted(found, key=lambda outcome: outcome.number)
+
+
+def write_outcome(ensemble: Path, outcome: Outcome) -> None:
+    """Record how an attempt ended."""
+    file = Path(ensemble, ATTEMPTS, f"{outcome.name}.{outcome.number}.json")
+    write_whole(file, (json.dumps(asdict(outcome), indent=2) + "\n").encode())
+
+
+def stop_file(ensemble: Path) -> Path:
+    """The file that tells workers elsewhere to stop."""
+    return Path(ensemble, "stop")
+
+
+def ordered_by_file(ensemble: Path) -> Stop:
+    """What the stop file says."""
+
+    def stop() -> int:
+        try:
+            return STOP_NOW if "now" in stop_file(ensemble).read_text() else STOP
+        except OSError:
+            return GO_ON
+
+    return stop
+
+
+def attempt(task: Task, stop: Stop | None = None) -> Outcome:
+    """Make an attempt; never raises for what the member does.
+
+    Args:
+        stop: looked at once a second; without it, the ensemble's stop file.
+    """
+    begun = time.monotonic()
+    stop = stop or ordered_by_file(Path(task.ensemble))
+    running = _running(task)
+    if is_finished(task.folder):
+        return _end(running, begun, FINISHED)
+    if not Path(task.ensemble).is_dir():
+        why = f"'{task.ensemble}' is not there on {running.host}: workers need the same files"
+        return _end(running, begun, FAILED, why)
+    try:
+        if stop():
+            return _end(running, begun, STOPPED, "not started")
+        if not _claim(task, running):
+            return _end(running, begun, LOST, "its worker ended")
+        outcome = _run(task, stop, running, begun)
+        write_outcome(Path(task.ensemble), outcome)
+    except OSError as error:
+        return _end(running, begun, FAILED, str(error))
+    return outcome
+
+
+def _running(task: Task) -> Outcome:
+    now = datetime.now(timezone.utc).isoformat(timespec="seconds")
+    host, process = socket.gethostname(), os.getpid()
+    return Outcome(task.name, task.number, RUNNING, begun=now, host=host, process=process)
+
+
+def _end(running: Outcome, begun: float, state: str, reason: str = "", **more: Any) -> Outcome:
+    ended = {"state": state, "reason": reason, "seconds": round(time.monotonic() - begun, 3)}
+    return Outcome(**{**asdict(running), **ended, **more})
+
+
+def _claim(task: Task, running: Outcome) -> bool:
+    """Create the attempt's record; False where it was there."""
+    task.record_file().parent.mkdir(exist_ok=True)
+    try:
+        with open(task.record_file(), "x", encoding="utf-8") as file:
+            file.write(json.dumps(asdict(running), indent=2) + "\n")
+    except FileExistsError:
+        return False
+    return True
+
+
+def _run(task: Task, stop: Stop, running: Outcome, begun: float) -> Outcome:
+    held = _wait_until_free(task, stop)
+    if is_finished(task.folder):
+        return _end(running, begun, FINISHED)
+    if held:
+        return _end(running, begun, STOPPED if stop() else FAILED, held)
+    task.folder.mkdir(parents=True, exist_ok=True)
+    old = any((task.folder / name).is_file() for name in (LATEST, PREVIOUS))
+    how = "resumed" if old and not task.afresh else "begun"
+    command = task.commands.resume if how == "resumed" else task.commands.begin
+    with (
+        open(task.record_file("out"), "wb") as out,
+        open(task.record_file("err"), "wb") as errors,
+    ):
+        child = _start(_filled(command, task), out, errors)
+        try:
+            cut = _watch(child, task, stop)
+        except BaseException:
+            _signal(child, signal.SIGKILL)
+            raise
+    code = child.returncode
+    last = _last_line(task.record_file("err"))
+    told: dict[str, Any] = {"how": how, "exit_code": code, "last_error": last}
+    if is_finished(task.folder):
+        return _end(running, begun, FINISHED, **told)
+    if cut:
+        return _end(running, begun, *cut, **told)
+    if code < 0:
+        return _end(running, begun, KILLED, f"ended by {signal.Signals(-code).name}", **told)
+    if code == 0:
+        return _end(running, begun, FAILED, "wrote no summary.json", **told)
+    return _end(running, begun, FAILED, last or f"exit code {code}", **told)
+
+
+def _wait_until_free(task: Task, stop: Stop) -> str:
+    """Wait for the end of a process that holds the run folder; why that was in vain, or empty."""
+    until = time.monotonic() + PATIENCE
+    while True:
+        try:
+            refuse_locked(task.folder)
+        except SceneError as error:
+            if stop() or time.monotonic() > until or is_finished(task.folder):
+                return str(error)
+            time.sleep(POLL)
+        else:
+            return ""
+
+
+def _filled(command: Sequence[str], task: Task) -> list[str]:
+    scene = Path(task.ensemble, SCENES, f"{task.name}.toml")
+    words = {PYTHON: sys.executable, FOLDER: str(task.folder), SCENE: str(scene)}
+    return [words.get(word, word) for word in command]
+
+
+def _start(command: Sequence[str], out: Any, errors: Any) -> subprocess.Popen[bytes]:
+    """Start a child in a group of its own, which a terminal's Ctrl-C does not reach."""
+    wrapper = (sys.executable, "-m", "taichi_ldem.ensemble.child", str(os.getpid()))
+    return subprocess.Popen(
+        [*wrapper, *command],
+        stdin=subprocess.DEVNULL,
+        stdout=out,
+        stderr=errors,
+        start_new_session=True,
+    )
+
+
+def _watch(child: subprocess.Popen[bytes], task: Task, stop: Stop) -> tuple[str, str] | None:
+    """Wait for a child's end, and cause it where that is due: then how and why."""
+    begun = looked = time.monotonic()
+    while True:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            child.wait(POLL)
+            return None
+        now = time.monotonic()
+        if task.timeout is not None and now - begun > task.timeout:
+            _end_child(child, stop)
+            return TIMED_OUT, f"took longer than {task.timeout:g} s"
+        if now - looked >= STOP_POLL:
+            looked = now
+            if stop():
+                _end_child(child, stop)
+                return STOPPED, "the ensemble was stopped"
+
+
+def _end_child(child: subprocess.Popen[bytes], stop: Stop) -> None:
+    """Let a child take a checkpoint and end; kill it where it does not, or when told so."""
+    _signal(child, signal.SIGTERM)
+    until = time.monotonic() + GRACE
+    while time.monotonic() < until and stop() < STOP_NOW:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            child.wait(POLL)
+            return
+    _signal(child, signal.SIGKILL)
+    child.wait()
+
+
+def _signal(child: subprocess.Popen[bytes], number: signal.Signals) -> None:
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        if hasattr(os, "killpg"):
+            os.killpg(child.pid, number)
+        else:
+            child.send_signal(number)
+
+
+def _last_line(file: Path) -> str:
+    with contextlib.suppress(OSError):
+        with open(file, "rb") as text:
+            text.seek(max(0, os.fstat(text.fileno()).st_size - 4096))
+            lines = text.read().decode("utf-8", "replace").split("\n")
+        kept = [line.strip() for line in lines if line.strip()]
+        return kept[-1][:400] if kept else ""
+    return ""

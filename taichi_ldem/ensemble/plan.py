@@ -1,0 +1,337 @@
+"""What an ensemble consists of: members, their names and scenes, and the record of what was asked.
+
+The members are the full product of variabilities, seeds and varied keys. Their names and scenes'
+hashes, hashed together, tell one ensemble from another.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import re
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+from taichi_ldem import __version__
+from taichi_ldem.durable import write_whole
+from taichi_ldem.provenance import canonical, scene_hash
+from taichi_ldem.scene import (
+    Scene,
+    SceneError,
+    load_scene,
+    load_tables,
+    override_value,
+    parse_scene,
+    scene_to_toml,
+)
+
+CV, SEED = "disorder.fracture_energy_cv", "disorder.seed"
+SHORT = {CV: "cv", SEED: "seed"}
+"""What these keys are called in the members' names; other keys by their last word."""
+
+RECORD, SCENES, MEMBERS, ATTEMPTS = "ensemble.toml", "scenes", "members", "attempts"
+MAX_MEMBERS = 100_000
+RESUMABLE = ("impact", "tension", "bend")
+
+
+@dataclass(frozen=True)
+class Member:
+    """One run of an ensemble.
+
+    Attributes:
+        name: of its run folder.
+        varied: the varied keys and their values; None for a key that it does not have.
+        scene: what is run.
+    """
+
+    name: str
+    varied: Mapping[str, Any]
+    scene: Scene
+
+    @property
+    def group(self) -> tuple[tuple[str, Any], ...]:
+        """The varied keys but the seed: members that differ in nothing else are one group."""
+        return tuple((key, value) for key, value in self.varied.items() if key != SEED)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All members, in order, and what was asked for them."""
+
+    members: tuple[Member, ...]
+    asked: Mapping[str, Any]
+
+    @property
+    def hash(self) -> str:
+        """SHA-256 of the members' names and scenes."""
+        told = {member.name: scene_hash(member.scene) for member in self.members}
+        return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+
+
+# --- the product ----------------------------------------------------------------------------------
+
+
+def make_plan(
+    scene_file: Path,
+    *,
+    cv: str | None = None,
+    seeds: str | None = None,
+    vary: Sequence[str] = (),
+    settings: Sequence[str] = (),
+) -> Plan:
+    """The members of an ensemble.
+
+    Args:
+        cv: variabilities of the fracture energy, "0.10,0.25"; 0 is the homogeneous specimen.
+        seeds: "0:4" (0 to 3) or "1,5,7".
+        vary: "section.key=value,value,..." each.
+        settings: overrides of the scene for all members, "section.key=value" each.
+
+    Raises:
+        SceneError: an option or a member's scene is not acceptable; one line.
+    """
+    axes = list(_axes(cv, seeds, vary))
+    if not axes:
+        raise SceneError("nothing is varied: give --cv, --seeds or --vary")
+    if len({key for key, _ in axes}) < len(axes):
+        key = next(key for key, _ in axes if sum(key == other for other, _ in axes) > 1)
+        raise SceneError(f"--vary {key}: is varied twice")
+    count = 1
+    for _, texts in axes:
+        count *= len(texts)
+    if count > MAX_MEMBERS:
+        raise SceneError(f"{count} members are asked for: must be at most {MAX_MEMBERS}")
+    words = _words([key for key, _ in axes])
+    members: dict[str, Member] = {}
+    for chosen in itertools.product(*(texts for _, texts in axes)):
+        member = _member(scene_file, dict(zip(words, chosen, strict=True)), words, settings)
+        members.setdefault(member.name, member)
+    _refuse_equal(list(members.values()))
+    asked = {"scene": str(scene_file), "cv": cv, "seeds": seeds, "vary": [*vary]}
+    asked = {key: value for key, value in asked.items() if value is not None}
+    return Plan(tuple(members.values()), asked | {"set": [*settings]})
+
+
+def _axes(
+    cv: str | None, seeds: str | None, vary: Sequence[str]
+) -> Iterator[tuple[str, list[str]]]:
+    """Each varied key with its values as texts, the seed last."""
+    if cv is not None:
+        yield CV, _unique(f"--cv {cv}", [_variability(cv, text) for text in _split(cv)])
+    for text in vary:
+        key, equals, values = (part.strip() for part in text.partition("="))
+        if not equals or not values or key.count(".") != 1:
+            raise SceneError(f"--vary {text}: must be section.key=value,value,...")
+        yield key, _unique(f"--vary {text}", _split(values))
+    if seeds is not None:
+        yield SEED, _unique(f"--seeds {seeds}", [str(seed) for seed in _seeds(seeds)])
+
+
+def _variability(given: str, text: str) -> str:
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0 <= value < float("inf"):
+        raise SceneError(f"--cv {given}: must be numbers of at least 0, as in 0.10,0.25")
+    return repr(value)
+
+
+def _seeds(text: str) -> list[int]:
+    wish = f"--seeds {text}: must be whole numbers of at least 0, as in 0:4 or 1,5,7"
+    found: list[int] = []
+    for part in text.split(","):
+        first, colon, last = (word.strip() for word in part.partition(":"))
+        if not (first.isdecimal() and (last.isdecimal() or not colon)) or len(first + last) > 30:
+            raise SceneError(wish)
+        end = int(last) if colon else int(first) + 1
+        if end - int(first) > MAX_MEMBERS:
+            raise SceneError(f"--seeds {text}: must be at most {MAX_MEMBERS} seeds")
+        found += range(int(first), end)
+    if not found:
+        raise SceneError(wish)
+    return found
+
+
+def _split(text: str) -> list[str]:
+    """Values between commas; those within brackets or quotes do not count."""
+    parts, depth, quote = [""], 0, ""
+    for letter in text:
+        if quote:
+            quote = "" if letter == quote else quote
+        elif letter in "\"'":
+            quote = letter
+        depth += (letter in "[{") - (letter in "]}")
+        if letter == "," and depth == 0 and not quote:
+            parts.append("")
+        else:
+            parts[-1] += letter
+    return [part.strip() for part in parts]
+
+
+def _unique(option: str, texts: list[str]) -> list[str]:
+    for text in texts:
+        if not text:
+            raise SceneError(f"{option}: a value is missing")
+        if texts.count(text) > 1:
+            raise SceneError(f"{option}: {text} is there twice")
+    return texts
+
+
+def _words(keys: Sequence[str]) -> dict[str, str]:
+    """What each key is called in a member's name: its last word where that is its alone."""
+    last = [key.rpartition(".")[2] for key in keys]
+    return {
+        key: SHORT.get(key, word if last.count(word) == 1 else key.replace(".", "-"))
+        for key, word in zip(keys, last, strict=True)
+    }
+
+
+def _member(
+    scene_file: Path, texts: dict[str, str], words: Mapping[str, str], settings: Sequence[str]
+) -> Member:
+    homogeneous = CV in texts and float(texts[CV]) == 0 and not _other_disorder(texts)
+    used = {
+        key: text
+        for key, text in texts.items()
+        if not (homogeneous and key.startswith("disorder."))
+    }
+    overrides = [f"{key}={text}" for key, text in used.items()]
+    tables = load_tables(scene_file, [*settings, *overrides])
+    if homogeneous:
+        tables.pop("disorder", None)
+    names = {text.partition("=")[0].strip() for text in [*settings, *overrides]}
+    scene = parse_scene(tables, scene_file.name, names)
+    if scene.scenario not in RESUMABLE:
+        known = ", ".join(RESUMABLE)
+        raise SceneError(f'scenario = "{scene.scenario}": an ensemble is made of {known}')
+    varied: dict[str, Any] = {
+        key: override_value(f"{key}={text}") if key in used else None for key, text in texts.items()
+    }
+    if homogeneous:
+        varied[CV] = 0.0
+        used = {CV: texts[CV]} | used
+    parts = [f"{words[key]}{_plain(text)}" for key, text in texts.items() if key in used]
+    return Member("_".join(parts), varied, scene)
+
+
+def _other_disorder(texts: Mapping[str, str]) -> bool:
+    """Whether another varied key than the fracture energy's variability draws from the seed."""
+    drawn = [
+        text
+        for key, text in texts.items()
+        if key != CV and key.startswith("disorder.") and key.endswith(("_cv", "_data"))
+    ]
+    drawn += [texts["plate.perturbation"]] if "plate.perturbation" in texts else []
+    return any(text not in ("0", "0.0") for text in drawn)
+
+
+def _plain(text: str) -> str:
+    """A value as a part of a file's name."""
+    try:
+        text = f"{float(text):.12g}"
+    except ValueError:
+        text = re.sub(r"[^0-9A-Za-z.+-]+", "x", text).strip("x")
+    return text
+
+
+def _refuse_equal(members: Sequence[Member]) -> None:
+    seen: dict[str, str] = {}
+    for member in members:
+        other = seen.setdefault(scene_hash(member.scene), member.name)
+        if other != member.name:
+            raise SceneError(f"members '{other}' and '{member.name}' are the same run")
+
+
+# --- the record -----------------------------------------------------------------------------------
+
+
+def write_plan(plan: Plan, folder: Path, threads: int) -> None:
+    """Write ``ensemble.toml`` and the members' scenes."""
+    (folder / SCENES).mkdir(exist_ok=True)
+    for member in plan.members:
+        solver = member.scene.solver.model_copy(update={"threads": threads})
+        scene = member.scene.model_copy(update={"solver": solver})
+        write_whole(folder / SCENES / f"{member.name}.toml", scene_to_toml(scene).encode())
+    record = {
+        "sha256": plan.hash,
+        "version": __version__,
+        "asked": dict(plan.asked),
+        "member": [
+            {
+                "name": member.name,
+                "scene_sha256": scene_hash(member.scene),
+                "varied": {k: v for k, v in member.varied.items() if v is not None},
+            }
+            for member in plan.members
+        ],
+    }
+    text = "# What `ldem ensemble` was asked for; --resume refuses another ensemble.\n"
+    write_whole(folder / RECORD, (text + tomli_w.dumps(record)).encode())
+
+
+def read_plan(folder: Path) -> Plan:
+    """The plan of an ensemble's folder.
+
+    Raises:
+        SceneError: it is none, or a file of it cannot be read.
+    """
+    record = _record(folder)
+    try:
+        keys = list(dict.fromkeys(k for m in record["member"] for k in m["varied"]))
+        keys.sort(key=lambda key: key == SEED)
+        members = [
+            Member(
+                str(m["name"]),
+                {key: m["varied"].get(key) for key in keys},
+                load_scene(folder / SCENES / f"{m['name']}.toml"),
+            )
+            for m in record["member"]
+        ]
+        return Plan(tuple(members), record["asked"])
+    except (KeyError, TypeError, AttributeError) as error:
+        raise SceneError(f"'{folder / RECORD}' is no record of an ensemble: {error!r}") from None
+
+
+def _record(folder: Path) -> dict[str, Any]:
+    path = folder / RECORD
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise SceneError(f"'{folder}' holds no ensemble: it has no {RECORD}") from None
+    except (OSError, ValueError) as error:
+        raise SceneError(f"cannot read '{path}': {error}") from None
+
+
+def refuse_other_plan(plan: Plan, folder: Path) -> None:
+    """Raise SceneError, naming a difference, where a folder holds another ensemble."""
+    if _record(folder).get("sha256") == plan.hash:
+        return
+    old = read_plan(folder)
+    raise SceneError(f"--resume: '{folder}' holds another ensemble: {_difference(old, plan)}")
+
+
+def _difference(old: Plan, new: Plan) -> str:
+    before = {member.name: member for member in old.members}
+    now = {member.name: member for member in new.members}
+    for these, others, where in ((before, now, "there"), (now, before, "asked for")):
+        only = [name for name in these if name not in others]
+        if only:
+            return f"only {where}: {', '.join(only[:4])}{' ...' if len(only) > 4 else ''}"
+    for name, member in now.items():
+        mine, theirs = canonical(member.scene), canonical(before[name].scene)
+        for key in sorted(mine.keys() | theirs.keys()):
+            if mine.get(key) != theirs.get(key) and key != "solver.threads":
+                return f"{key} = {theirs.get(key)!r} there, {mine.get(key)!r} asked for ({name})"
+    return f"{RECORD} has been changed, or another version wrote it"

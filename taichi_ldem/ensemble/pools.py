@@ -1,0 +1,166 @@
+"""Where attempts are made: threads of this process that wait for children, or a Dask cluster."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from pathlib import Path
+from typing import Any, Protocol
+
+from taichi_ldem.durable import write_whole
+from taichi_ldem.ensemble.attempt import (
+    FAILED,
+    GO_ON,
+    LOST,
+    STOP,
+    STOP_NOW,
+    STOPPED,
+    Outcome,
+    Task,
+    attempt,
+    stop_file,
+)
+from taichi_ldem.memory import available_bytes, needed_bytes
+from taichi_ldem.scene import Scene, SceneError
+
+
+class Pool(Protocol):
+    """Makes attempts; knows nothing of retries."""
+
+    def submit(self, task: Task) -> None:
+        """Take an attempt into the queue."""
+
+    def ended(self, seconds: float) -> list[Outcome]:
+        """Attempts that ended since the last call; waits so long for the first."""
+
+    def stop(self, *, now: bool) -> None:
+        """End the children, cleanly or at once; what waits in the queue is not begun."""
+
+    def describe(self) -> str:
+        """One line on where the attempts are made."""
+
+    def close(self) -> None:
+        """Let go of the workers."""
+
+
+class LocalPool:
+    """Children of this process, so many at a time."""
+
+    def __init__(self, workers: int) -> None:
+        self.workers = workers
+        self._order = GO_ON
+        self._threads = ThreadPoolExecutor(workers, thread_name_prefix="member")
+        self._tasks: dict[Future[Outcome], Task] = {}
+
+    def submit(self, task: Task) -> None:  # noqa: D102
+        future = self._threads.submit(attempt, task, lambda: self._order)
+        self._tasks[future] = task
+
+    def ended(self, seconds: float) -> list[Outcome]:  # noqa: D102
+        done, _ = wait(self._tasks, seconds, FIRST_COMPLETED)
+        return [self._outcome(future, self._tasks.pop(future)) for future in done]
+
+    def _outcome(self, future: Future[Outcome], task: Task) -> Outcome:
+        error = future.exception()
+        return future.result() if error is None else _raised(task, error)
+
+    def stop(self, *, now: bool) -> None:  # noqa: D102
+        self._order = STOP_NOW if now else max(self._order, STOP)
+
+    def describe(self) -> str:  # noqa: D102
+        return f"{self.workers} at a time on this machine"
+
+    def close(self) -> None:  # noqa: D102
+        self._threads.shutdown(cancel_futures=True)
+
+
+def _raised(task: Task, error: BaseException) -> Outcome:
+    """The outcome of an attempt that could not be made."""
+    reason = " ".join(f"{type(error).__name__}: {error}".split())
+    return Outcome(task.name, task.number, FAILED, reason[:400])
+
+
+def local_workers(wanted: int | None, threads: int, scenes: list[Scene]) -> int:
+    """How many members to run at a time: as many as there are cores and memory for.
+
+    Raises:
+        SceneError: more are wanted than fit into the memory.
+    """
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    # the fields of a run are there twice for a moment: NumPy's and Taichi's
+    free, needed = available_bytes(), max(needed_bytes(scene) for scene in scenes)
+    fit = len(scenes) if free is None else max(1, free // needed)
+    if wanted is None:
+        return int(max(1, min((cores or 1) // threads, fit, len(scenes))))
+    if wanted > fit:
+        raise SceneError(
+            f"--local {wanted}: a member needs about {needed:,} bytes of memory, {free:,} are "
+            f"available: take at most {fit}"
+        )
+    return min(wanted, len(scenes))
+
+
+class DaskPool:
+    """Workers of any Dask scheduler.
+
+    Dask starts a task again when a worker dies; the attempt's record tells that it had been begun,
+    and the task comes back as lost. Tasks that Dask gives up are lost, too.
+    """
+
+    def __init__(self, address: str, ensemble: Path) -> None:
+        try:
+            from distributed import Client
+        except ImportError:
+            raise SceneError("--scheduler needs Dask: pip install 'taichi-ldem[cluster]'") from None
+        try:
+            connect: Any = Client
+            where = {"scheduler_file" if Path(address).is_file() else "address": address}
+            self._client: Any = connect(**where, timeout=15, set_as_default=False)
+        except (OSError, ValueError, TypeError) as error:
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise SceneError(f"--scheduler {address}: {reason}") from None
+        self._address, self._ensemble = address, ensemble
+        self._news = threading.Event()
+        self._tasks: dict[Any, Task] = {}
+
+    def submit(self, task: Task) -> None:  # noqa: D102
+        # retries are not Dask's, and an attempt is never the same as another
+        future = self._client.submit(attempt, task, pure=False, retries=0)
+        future.add_done_callback(lambda _: self._news.set())
+        self._tasks[future] = task
+
+    def ended(self, seconds: float) -> list[Outcome]:  # noqa: D102
+        self._news.wait(seconds)
+        self._news.clear()
+        done = [future for future in self._tasks if future.done()]
+        return [self._outcome(future, self._tasks.pop(future)) for future in done]
+
+    def _outcome(self, future: Any, task: Task) -> Outcome:
+        if future.status == "finished":
+            outcome: Outcome = future.result()
+            return outcome
+        if future.cancelled():
+            return Outcome(task.name, task.number, STOPPED, "the task was cancelled")
+        error = future.exception()
+        lost = type(error).__name__ == "KilledWorker"
+        if lost:
+            return Outcome(task.name, task.number, LOST, "its worker ended")
+        return _raised(task, error)
+
+    def stop(self, *, now: bool) -> None:  # noqa: D102
+        write_whole(stop_file(self._ensemble), b"now\n" if now else b"stop\n")
+
+    def describe(self) -> str:  # noqa: D102
+        workers = self._client.nthreads()
+        text = f"{len(workers)} workers with {sum(workers.values())} places at {self._address}"
+        if "dashboard" in self._client.scheduler_info().get("services", {}):
+            text += f", dashboard: {self._client.dashboard_link}"
+        return text
+
+    def close(self) -> None:  # noqa: D102
+        self._client.close()
+
+
+Open = Callable[[], Pool]
