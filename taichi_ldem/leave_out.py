@@ -43,6 +43,7 @@ def everything(scene: Scene) -> Scene:
     data = scene.model_dump(by_alias=True, exclude_none=True)
     plate, material = data["plate"], data["material"]
     plate["angle"] = 0
+    plate["perturbation"] = 0.05
     width = scene.plate.diameter or min(scene.plate.actual_size[:2])
     if plate["shape"] == "dumbbell":
         plate["shape"] = "rectangle"

@@ -56,7 +56,8 @@ STEPS_BETWEEN_LISTS = 64
 
 STEPS_A_LAUNCH = 4
 """Steps that one kernel of a GPU takes: each is compiled on its own. Even, so that the buffers are
-back in their places."""
+back in their places. On Vulkan it is one: four take Taichi's SPIR-V builder minutes, in which it
+may fail (``Value does not yet exist``)."""
 
 SUMS, GIVEN, NEAR = slice(0, 4), 4, 5
 """What a sample reads of a rigid body: its sums, its losses after the last sample time before this
@@ -209,6 +210,8 @@ class Simulation:
         solver = scene.solver
         self.spacing, self.damping = self.dynamics.lattice.spacing, solver.damping
         self.peak_strain = self.dynamics.peak_strain
+        one_by_one = self.dynamics.in_strips or scene.solver.arch == "vulkan"
+        self.steps_a_launch = 1 if one_by_one else STEPS_A_LAUNCH
         self.critical_time_step = stability.critical_time_step(self.dynamics)
         self.time_step, self.sample_every = self._choose_time_step()
         self.steps = round(solver.duration / self.time_step)
@@ -326,8 +329,8 @@ class Simulation:
         end = self.step_number + steps
         while self.step_number < end:
             listing = STEPS_BETWEEN_LISTS - self.step_number % STEPS_BETWEEN_LISTS
-            many = min(listing, end - self.step_number) >= STEPS_A_LAUNCH
-            self._step(STEPS_A_LAUNCH if many and not self.dynamics.in_strips else 1)
+            many = min(listing, end - self.step_number) >= self.steps_a_launch
+            self._step(self.steps_a_launch if many else 1)
 
     def start_from(
         self, displacement: npt.NDArray[np.float64], velocity: npt.NDArray[np.float64]
@@ -598,8 +601,9 @@ class Simulation:
         moved = [body for body in (self.striker, self.grips) if body is not None]
         states = [body.state.to_numpy() for body in moved]
         self._take(0.0)  # a step of no length: all the work, and nothing moves
+        if self.steps_a_launch > 1:
+            self._take(0.0, self.steps_a_launch)
         if not self.dynamics.in_strips:
-            self._take(0.0, STEPS_A_LAUNCH)
             self._take(0.0, measure=True)
         for body, state in zip(moved, states, strict=True):
             body.state.from_numpy(state)
