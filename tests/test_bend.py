@@ -184,7 +184,11 @@ def test_the_beam_s_axis_bends_as_timoshenko_s(loaded: "Simulation") -> None:
     span, height, width = (n * SPACING for n in (SPAN, HEIGHT, WIDTH))
     shear = 10 * (1 + nu) / (12 + 11 * nu) * modulus / (2 * (1 + nu)) * height * width
     inertia = width * height**3 / 12
-    expected = WEIGHT["mass"] * WEIGHT["gravity"] * (span**3 / (48 * modulus * inertia) + span / (4 * shear))
+    expected = (
+        WEIGHT["mass"]
+        * WEIGHT["gravity"]
+        * (span**3 / (48 * modulus * inertia) + span / (4 * shear))
+    )
     sunk = -loaded.displacement()[0, 1 + HEIGHT // 2, 1 + WIDTH // 2, :, 2]
     middle = 1 + LENGTH // 2
     axis = sunk[middle] - 0.5 * (sunk[middle - SPAN // 2] + sunk[middle + SPAN // 2])
