@@ -95,9 +95,11 @@ def sheet(figure: Figure, rows: Panels, *, final: bool) -> None:
             axes.set(xlim=(half, -half), ylim=(-half, half))
         for axes in line[len(panels) :]:
             axes.set_axis_off()
-        line[0].set_ylabel(f"{name}\n\ny [mm]")
-    for axes in grid[len(rows) - 1]:
-        axes.set_xlabel("x [mm]")
+        line[0].set_ylabel(f"{name}\n\ny [mm]" if name else "y [mm]")
+    for column in range(across):  # the lowest map of each
+        lowest = max(n for n, (_, panels) in enumerate(rows) if len(panels) > column)
+        grid[lowest][column].set_xlabel("x [mm]")
+        grid[lowest][column].tick_params(labelbottom=True)
     when = "at the end" if final else "at $t_2$ (or at the end, without failure)"
     figure.suptitle(f"Cracks from below {when}", fontsize=15)
     _sheet_legend(figure, final)

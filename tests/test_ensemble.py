@@ -26,7 +26,7 @@ from taichi_ldem.durable import locked
 from taichi_ldem.ensemble import attempt as attempts
 from taichi_ldem.ensemble.attempt import FOLDER, PYTHON, Commands, Task, attempt, read_attempts
 from taichi_ldem.ensemble.conduct import Conductor, duration, reached_time
-from taichi_ldem.ensemble.figures import envelope
+from taichi_ldem.ensemble.figures import envelope, make_panels
 from taichi_ldem.ensemble.plan import (
     ATTEMPTS,
     MEMBERS,
@@ -38,7 +38,7 @@ from taichi_ldem.ensemble.plan import (
 )
 from taichi_ldem.ensemble.pools import LocalPool, local_workers
 from taichi_ldem.ensemble.report import report
-from taichi_ldem.ensemble.results import read_rows, statistics, write_statistics, write_table
+from taichi_ldem.ensemble.results import Row, read_rows, statistics, write_statistics, write_table
 from taichi_ldem.ensemble.run import check, run
 from taichi_ldem.scene import SceneError
 
@@ -505,6 +505,12 @@ def test_envelope_of_records_on_different_times():
     assert np.allclose(found.high, 4 * fine)
     assert np.allclose(found.low, 0.0)
     assert np.allclose(found.mean, 2 * fine)
+
+
+def test_groups_of_one_member_stand_side_by_side(plan):
+    rows = [Row(member, {}, (), "finished") for member in plan.members]
+    panels = make_panels(rows, {member.name: None for member in plan.members})
+    assert panels == [("", [(f"velocity {v}", None) for v in ("2", "2.5", "3")])]
 
 
 @pytest.fixture(scope="module")

@@ -34,6 +34,7 @@ Group = tuple[tuple[str, Any], ...]
 _MS = 1e3
 MOST_PANELS = 12
 MOST_COLUMNS = 8
+ALONE_ACROSS = 4
 
 
 @dataclass(frozen=True)
@@ -147,9 +148,17 @@ def _homogeneous(key: Group, by_group: Mapping[Group, list[Row]]) -> list[Row] |
 def make_panels(
     finished: Sequence[Row], cracks: Mapping[str, Cracks | None]
 ) -> list[tuple[str, list[tuple[str, Cracks | None]]]]:
-    """Rows of a sheet of crack maps: a name and its members' names and cracks; at most twelve."""
+    """Rows of a sheet of crack maps: a name and its members' names and cracks; at most twelve.
+
+    Groups of one member each stand side by side.
+    """
+    by_group = groups(finished)
+    if all(len(rows) == 1 for rows in by_group.values()):
+        alone = [(label(key), cracks[rows[0].member.name]) for key, rows in by_group.items()]
+        alone = alone[: MOST_PANELS * ALONE_ACROSS]
+        return [("", alone[at : at + ALONE_ACROSS]) for at in range(0, len(alone), ALONE_ACROSS)]
     panels = []
-    for key, rows in groups(finished).items():
+    for key, rows in by_group.items():
         named = []
         for row in rows[:MOST_COLUMNS]:
             seed = row.member.varied.get(SEED)
@@ -221,9 +230,11 @@ def _panels(figure: Figure, sets: Sequence[Set], quantity: str) -> list[Axes]:
         axes.set_title(group.name)
     for row in grid:
         row[0].set_ylabel(quantity)
-    for axes in grid[-1]:
+    panels: list[Axes] = list(grid.ravel()[: len(sets)])
+    for axes in panels[-across:]:  # the lowest of each column
         axes.set_xlabel("time [ms]")
-    return list(grid.ravel()[: len(sets)])
+        axes.tick_params(labelbottom=True)
+    return panels
 
 
 def _force(history: History) -> Series:
