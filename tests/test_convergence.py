@@ -61,7 +61,7 @@ def test_a_wave_that_comes_late_is_slow() -> None:
 
 
 def test_advice_names_the_cheapest_that_is_good_enough() -> None:
-    study = conv.Study(Path(), load_scene(CONFIGS / "wave_bar.toml"), conv.WAVE, Path(),
+    study = conv.Study(Path(), load_scene(CONFIGS / "wave.toml"), conv.WAVE, Path(),
                        conv.Plan((4,), 0, 4, "x"))  # fmt: skip
     rows = [_row(1, 0.04, 2), _row(2, 0.02, 3), _row(9, 0.009, 8)]
     one, five = conv.advice(study, rows)
@@ -78,7 +78,7 @@ def test_advice_names_the_cheapest_that_is_good_enough() -> None:
         ("modes_convergence", conv.VIBRATION),
         ("modes_convergence_clamped", conv.VIBRATION),
         ("impact_convergence_cracking", conv.CRACKING),
-        ("wave_bar", conv.WAVE),
+        ("wave", conv.WAVE),
     ],
 )
 def test_scenes_say_what_they_are_a_reference_for(name: str, what: str) -> None:
@@ -96,7 +96,7 @@ def test_a_scene_that_is_no_reference_is_refused() -> None:
 
 
 def test_the_exact_wave_has_the_continuum_s_speed() -> None:
-    exact = exact_wave(load_scene(CONFIGS / "wave_bar.toml"), (2, 3, 4))
+    exact = exact_wave(load_scene(CONFIGS / "wave.toml"), (2, 3, 4))
     # sections of 2, 3 and 4 modules are 3.6, 2.5 and 1.9 % slow
     assert exact["speed_m_s"] == pytest.approx(exact["continuum_m_s"], rel=2e-3)
 
