@@ -175,7 +175,7 @@ class Study:
         if mark.exists() and mark.read_text(encoding="utf-8") != mine:
             if not force:
                 raise SceneError(f"'{self.out}' holds a study of another scene; --force removes it")
-            for file in self.out.glob("*.json"):
+            for file in [*self.out.glob("*.json"), *self.out.glob("mode_*.npz")]:
                 file.unlink()
         mark.write_text(mine, encoding="utf-8")
 
@@ -213,7 +213,10 @@ class Study:
 
     def record(self, point: Point) -> dict[str, Any]:
         """A point's record, run in a process of its own unless it is there."""
-        return self._record(point.name, point.settings, [])
+        more = []
+        if self.what == VIBRATION:  # a resolution's mode is computed once, in its first run
+            more = ["--mode", str(self.out / f"mode_{point.modules}.npz")]
+        return self._record(point.name, point.settings, more)
 
     def _record(self, name: str, settings: Sequence[str], more: Sequence[str]) -> dict[str, Any]:
         file = self.out / f"{name}.json"

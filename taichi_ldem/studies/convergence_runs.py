@@ -46,8 +46,12 @@ def kind(scene: Scene) -> str:
     )
 
 
-def run(scene: Scene) -> dict[str, Any]:
-    """Run a scene that does not crack and return its signals and its cost."""
+def run(scene: Scene, mode: Path | None = None) -> dict[str, Any]:
+    """Run a scene that does not crack and return its signals and its cost.
+
+    Args:
+        mode: file of a vibration's mode: read where it is there, else computed (in f64) and kept.
+    """
     from taichi_ldem import backend
 
     backend.start(scene.solver)
@@ -58,7 +62,11 @@ def run(scene: Scene) -> dict[str, Any]:
     _step_exactly(simulation)
     simulation.compile()
     what = kind(scene)
-    reader: Any = {IMPACT: _Impact, VIBRATION: _Vibration, WAVE: _Wave}[what](simulation)
+    reader: _Impact | _Vibration | _Wave
+    if what == VIBRATION:
+        reader = _Vibration(simulation, mode)
+    else:
+        reader = (_Impact if what == IMPACT else _Wave)(simulation)
     compiled = time.perf_counter() - started
     wall, used, samples = time.perf_counter(), time.process_time(), 0.0
     for sample in simulation.samples():
@@ -120,12 +128,17 @@ class _Impact:
 class _Vibration:
     """The lowest elastic mode set free: its frequency, from the motion along its own shape."""
 
-    def __init__(self, simulation: "Simulation"):
+    def __init__(self, simulation: "Simulation", mode: Path | None):
         self.simulation = simulation
         self.error = 0.0
         self.rows: list[tuple[float, float]] = []
-        frequency, shape = lowest_elastic_mode(simulation)
-        self.frequency = frequency
+        if mode is not None and mode.exists():
+            with np.load(mode) as kept:
+                self.frequency, shape = float(kept["frequency"]), kept["shape"]
+        else:
+            self.frequency, shape = lowest_elastic_mode(simulation)
+            if mode is not None:
+                np.savez(mode, frequency=self.frequency, shape=shape)
         mass = simulation.dynamics.masses()[..., None]
         self.weight = mass * shape / float((mass * shape**2).sum())
         # bars turn by far less than 1e-6: the lattice is linear
@@ -250,10 +263,11 @@ def main() -> None:
     parser.add_argument("scene", type=Path)
     parser.add_argument("file", type=Path)
     parser.add_argument("--set", action="append", default=[], dest="settings")
+    parser.add_argument("--mode", type=Path, metavar="FILE.npz", help="of a vibration, kept")
     parser.add_argument("--reference", choices=["wave"])
     options = parser.parse_args()
     scene = load_scene(options.scene, options.settings)
-    record = exact_wave(scene) if options.reference == "wave" else run(scene)
+    record = exact_wave(scene) if options.reference == "wave" else run(scene, options.mode)
     partial = options.file.with_suffix(".tmp")
     partial.write_text(json.dumps(record), encoding="utf-8")
     partial.replace(options.file)
