@@ -163,6 +163,28 @@ def test_no_variability_of_the_fracture_energy_beside_another_that_draws():
     assert found == ["cv0", "cv0_youngs_modulus_cv0.1_seed0", "cv0_youngs_modulus_cv0.1_seed1"]
 
 
+def test_the_seed_is_that_of_perturbed_nodes_too():
+    vary = ["plate.perturbation=0,0.05"]
+    plan = make_plan(SCENE, cv="0,0.25", seeds="3:5", vary=vary)
+    found = {member.name: member.scene for member in plan.members}
+    assert list(found) == [
+        "cv0_perturbation0",
+        "cv0_perturbation0.05_seed3",
+        "cv0_perturbation0.05_seed4",
+        *(f"cv0.25_perturbation{p}_seed{n}" for p in ("0", "0.05") for n in (3, 4)),
+    ]
+    nodes = found["cv0_perturbation0.05_seed4"]
+    assert (nodes.disorder, nodes.plate.perturbation_seed) == (None, 4)
+    both = found["cv0.25_perturbation0.05_seed4"]
+    assert both.disorder is not None
+    assert (both.disorder.seed, both.plate.perturbation_seed) == (4, 4)
+    alone = make_plan(SCENE, seeds="3:5", settings=["plate.perturbation=0.05"])
+    assert [m.scene.plate.perturbation_seed for m in alone.members] == [3, 4]
+    held = ["plate.perturbation=0.05", "plate.perturbation_seed=9"]
+    kept = make_plan(SCENE, cv="0.25", seeds="3:5", settings=held)
+    assert [m.scene.plate.perturbation_seed for m in kept.members] == [9, 9]
+
+
 def test_values_with_commas_and_keys_of_one_last_word():
     vary = ["striker.position=[0.0,0.0],[1e-3,0.0]", "plate.size=[0.0192,0.0192,0.0016]"]
     assert names(vary=vary) == [

@@ -37,6 +37,8 @@ from taichi_ldem.scene import (
 )
 
 CV, SEED = "disorder.fracture_energy_cv", "disorder.seed"
+PLATE_SEED = "plate.perturbation_seed"
+"""Follows SEED in members whose nodes are perturbed, unless it is given itself."""
 SHORT = {CV: "cv", SEED: "seed"}
 """What these keys are called in the members' names; other keys by their last word."""
 
@@ -94,7 +96,7 @@ def make_plan(
 
     Args:
         cv: variabilities of the fracture energy, "0.10,0.25"; 0 is the homogeneous specimen.
-        seeds: "0:4" (0 to 3) or "1,5,7".
+        seeds: "0:4" (0 to 3) or "1,5,7"; of the disorder and of perturbed nodes.
         vary: "section.key=value,value,..." each.
         settings: overrides of the scene for all members, "section.key=value" each.
 
@@ -209,9 +211,14 @@ def _member(
     }
     overrides = [f"{key}={text}" for key, text in used.items()]
     tables = load_tables(scene_file, [*settings, *overrides])
+    names = {text.partition("=")[0].strip() for text in [*settings, *overrides]}
     if homogeneous:
         tables.pop("disorder", None)
-    names = {text.partition("=")[0].strip() for text in [*settings, *overrides]}
+    if SEED in texts and PLATE_SEED not in names and tables.get("plate", {}).get("perturbation"):
+        used[SEED] = texts[SEED]
+        tables["plate"]["perturbation_seed"] = override_value(f"{PLATE_SEED}={texts[SEED]}")
+        if tables.get("disorder", {}).keys() <= {"seed"}:  # only the nodes draw from it
+            tables.pop("disorder", None)
     scene = parse_scene(tables, scene_file.name, names)
     if scene.scenario not in RESUMABLE:
         known = ", ".join(RESUMABLE)
@@ -221,20 +228,18 @@ def _member(
     }
     if homogeneous:
         varied[CV] = 0.0
-        used = {CV: texts[CV]} | used
+        used[CV] = texts[CV]
     parts = [f"{words[key]}{_plain(text)}" for key, text in texts.items() if key in used]
     return Member("_".join(parts), varied, scene)
 
 
 def _other_disorder(texts: Mapping[str, str]) -> bool:
-    """Whether another varied key than the fracture energy's variability draws from the seed."""
-    drawn = [
-        text
+    """Whether another varied key of ``[disorder]`` than the fracture energy's draws from the seed."""
+    return any(
+        text not in ("0", "0.0")
         for key, text in texts.items()
         if key != CV and key.startswith("disorder.") and key.endswith(("_cv", "_data"))
-    ]
-    drawn += [texts["plate.perturbation"]] if "plate.perturbation" in texts else []
-    return any(text not in ("0", "0.0") for text in drawn)
+    )
 
 
 def _plain(text: str) -> str:
