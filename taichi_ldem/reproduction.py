@@ -82,8 +82,8 @@ _FIVE = ("--set", "plate.modules_through_thickness=5", "--precision", "f32")
 _TO_OUT = ("--out", "{out}", "--quiet", "--force")
 _STUDY = ("-m", "taichi_ldem.studies.bending", "configs/bend.toml", "{out}", "--spacings", "5e-4")
 
-# Thirteen runs: single precision and four fifths of the critical time step, whose effect is far below
-# the scatter between seeds (docs/error-vs-run-time.md), halve their time.
+# Thirteen runs: single precision and four fifths of the critical time step spare most of their time
+# (docs/error-vs-run-time.md has what that costs).
 _MANY = (*_LDEM, "ensemble", "configs/impact_measured_strength.toml", "--cv", CVS)
 _MANY = (*_MANY, "--seeds", "0:4", "--precision", "f32", "--set", "solver.safety=0.8")
 

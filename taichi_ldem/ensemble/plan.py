@@ -234,7 +234,7 @@ def _member(
 
 
 def _other_disorder(texts: Mapping[str, str]) -> bool:
-    """Whether another varied key of ``[disorder]`` than the fracture energy's draws from the seed."""
+    """Whether another varied key of ``[disorder]`` draws from the seed."""
     return any(
         text not in ("0", "0.0")
         for key, text in texts.items()
