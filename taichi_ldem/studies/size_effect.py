@@ -1,0 +1,102 @@
+"""Does a number's scatter depend on the module size? Two resolutions of random specimens.
+
+    python -m taichi_ldem.studies.size_effect ENSEMBLE [--number strength]
+
+Reads an ensemble that varies ``plate.modules_through_thickness`` and seeds (and anything else) and
+prints, for each group, mean and CV of a number of the summary with 95 % confidence intervals
+(Student's t; chi squared), and for each pair of resolutions of otherwise equal groups whether means
+(Welch's t test) and spreads (Brown and Forsythe's test: Levene's about the medians) differ.
+"""
+
+import argparse
+import itertools
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taichi_ldem.ensemble.plan import read_plan
+from taichi_ldem.ensemble.results import Row, groups, numbers_of, read_rows, statistics
+from taichi_ldem.ensemble.table3 import label
+from taichi_ldem.scene import SceneError
+
+MODULES = "plate.modules_through_thickness"
+
+
+def line(name: str, values: Sequence[float], scale: float) -> str:
+    """Count, mean and CV of a group with their intervals, a line of Markdown."""
+    found = statistics(values)
+    if found is None or found.standard_deviation is None or found.interval is None:
+        return f"| {name} | {len(values)} | - | - |"
+    half = found.interval[1] - found.mean
+    low, high = deviation_interval(found.standard_deviation, found.count)
+    cv = [100 * s / found.mean for s in (found.standard_deviation, low, high)]
+    return (
+        f"| {name} | {found.count} | {found.mean / scale:.2f} ± {half / scale:.2f} "
+        f"| {cv[0]:.2f} ({cv[1]:.2f} to {cv[2]:.2f}) |"
+    )
+
+
+def deviation_interval(deviation: float, count: int) -> tuple[float, float]:
+    """95 % confidence interval of a normal sample's standard deviation."""
+    from scipy.stats import chi2
+
+    low, high = chi2.ppf([0.975, 0.025], count - 1)
+    return deviation * math.sqrt((count - 1) / low), deviation * math.sqrt((count - 1) / high)
+
+
+def compared(first: Sequence[float], second: Sequence[float]) -> tuple[float, float, float]:
+    """Ratio of the second mean to the first, and p of equal means and of equal spreads."""
+    from scipy.stats import levene, ttest_ind
+
+    means = ttest_ind(first, second, equal_var=False).pvalue
+    spreads = levene(first, second, center="median").pvalue
+    return float(np.mean(second) / np.mean(first)), float(means), float(spreads)
+
+
+def report(rows: Sequence[Row], number: str, scale: float) -> str:
+    """Both tables, Markdown.
+
+    Raises:
+        SceneError: no finished member has the number.
+    """
+    found = {key: numbers_of(group, number) for key, group in groups(rows).items()}
+    if not any(found.values()):
+        raise SceneError(f"--number {number}: no finished member has it")
+    lines = [f"| specimens | runs | {number} | CV [%] |", "|---|---|---|---|"]
+    lines += [line(label(key), values, scale) for key, values in found.items()]
+    lines += ["", "| specimens | modules | ratio of means | p, means | p, spreads |"]
+    lines.append("|---|---|---|---|---|")
+    for (key, first), (other, second) in itertools.combinations(found.items(), 2):
+        mine, theirs = dict(key), dict(other)
+        pair = (mine.pop(MODULES, None), theirs.pop(MODULES, None))
+        if mine != theirs or pair[0] == pair[1] or min(len(first), len(second)) < 2:
+            continue
+        ratio, means, spreads = compared(first, second)
+        same: tuple[tuple[str, Any], ...] = tuple(mine.items())
+        lines.append(
+            f"| {label(same)} | {pair[0]}, {pair[1]} | {ratio:.3f} | {means:.2g} | {spreads:.2g} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the tables of an ensemble."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("ensemble", type=Path)
+    parser.add_argument("--number", default="strength", help="of the summaries")
+    parser.add_argument("--scale", type=float, default=1.0, help="numbers are shown over it")
+    given = parser.parse_args(arguments)
+    try:
+        rows = read_rows(read_plan(given.ensemble), given.ensemble)
+        print(report(rows, given.number, given.scale))
+    except SceneError as error:
+        print(error)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
