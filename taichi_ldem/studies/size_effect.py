@@ -43,8 +43,9 @@ def deviation_interval(deviation: float, count: int) -> tuple[float, float]:
     """95 % confidence interval of a normal sample's standard deviation."""
     from scipy.stats import chi2
 
-    low, high = chi2.ppf([0.975, 0.025], count - 1)
-    return deviation * math.sqrt((count - 1) / low), deviation * math.sqrt((count - 1) / high)
+    free = count - 1
+    low, high = (deviation * math.sqrt(free / float(chi2.ppf(p, free))) for p in (0.975, 0.025))
+    return low, high
 
 
 def compared(first: Sequence[float], second: Sequence[float]) -> tuple[float, float, float]:
