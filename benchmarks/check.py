@@ -4,25 +4,8 @@ Speeds of one machine drift by a factor of two within minutes; the ratio of two 
 turns does not.
 """
 
-import platform
-from pathlib import Path
-
 TOLERANCE = 0.15
 """Share of a stored ratio whose loss is an error."""
-
-
-def cpu_model(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:
-    """Name of the processor, with family and model: hypervisors shorten the name."""
-    if not cpuinfo.exists():
-        return platform.processor() or platform.machine()
-    found: dict[str, str] = {}
-    for line in cpuinfo.read_text().splitlines():
-        key, _, value = line.partition(":")
-        found.setdefault(key.strip(), value.strip())
-    name = found.get("model name") or platform.machine()
-    if "cpu family" not in found:
-        return name
-    return f"{name} (family {found['cpu family']}, model {found.get('model', '?')})"
 
 
 def worse(

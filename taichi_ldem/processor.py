@@ -34,8 +34,15 @@ def _described() -> dict[str, str]:
 
 
 def name() -> str:
-    """What the processor calls itself."""
-    return _described().get("model name") or platform.processor() or platform.machine()
+    """What the processor calls itself, with family and model: hypervisors shorten its name."""
+    return _name(_described())
+
+
+def _name(described: dict[str, str]) -> str:
+    shown = described.get("model name") or platform.processor() or platform.machine()
+    if "cpu family" not in described:
+        return shown
+    return f"{shown} (family {described['cpu family']}, model {described.get('model', '?')})"
 
 
 def vector_bytes() -> int:

@@ -63,6 +63,23 @@ def provenance(scene: Scene) -> dict[str, Any]:
     }
 
 
+def changed_machine(then: Any, now: dict[str, Any]) -> str | None:
+    """What results depend on to the last bit and has changed since a run's record; None: nothing.
+
+    Args:
+        then: of an earlier process of the run; anything, as it comes from a file.
+    """
+    if not isinstance(then, dict):
+        return None
+    packages = then.get("packages")
+    taichi = packages.get("taichi") if isinstance(packages, dict) else None
+    was = {"CPU": then.get("cpu"), "taichi": taichi}
+    here = {"CPU": now["cpu"], "taichi": now["packages"]["taichi"]}
+    changed = [key for key in was if was[key] != here[key]]
+    other = [f"{key} {was[key] or 'unknown'}, now {here[key]}" for key in changed]
+    return "; ".join(other) or None
+
+
 def _version(package: str) -> str | None:
     try:
         return metadata.version(package)

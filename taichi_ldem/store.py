@@ -158,12 +158,16 @@ class RunFolder:
         """What wrote the run: versions, machine and command line of each process, JSON."""
         return self.path / "run.json"
 
+    def processes(self) -> list[Any]:
+        """What ``run.json`` says of each process that has worked on the run, the first first."""
+        earlier: Any = []
+        with suppress(OSError, ValueError, KeyError, TypeError):
+            earlier = json.loads(self.provenance_file.read_text(encoding="utf-8"))["processes"]
+        return earlier if isinstance(earlier, list) else []
+
     def write_provenance(self, provenance: dict[str, Any]) -> None:
         """Add a process to those that have worked on the run."""
-        earlier: Any = []
-        with suppress(OSError, ValueError):
-            earlier = json.loads(self.provenance_file.read_text(encoding="utf-8"))["processes"]
-        processes = [*(earlier if isinstance(earlier, list) else []), provenance]
+        processes = [*self.processes(), provenance]
         text = json.dumps({"processes": processes}, indent=2) + "\n"
         write_whole(self.provenance_file, text.encode())
 

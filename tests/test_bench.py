@@ -118,14 +118,6 @@ def test_check_of_an_unknown_processor_says_so():
     assert "no ratios stored for another" in line
 
 
-def test_cpu_model_is_named_with_family(tmp_path):
-    text = (
-        "processor\t: 0\ncpu family\t: 6\nmodel\t\t: 85\nmodel name\t: A Xeon\n\nmodel name : B\n"
-    )
-    (tmp_path / "cpuinfo").write_text(text)
-    assert check.cpu_model(tmp_path / "cpuinfo") == "A Xeon (family 6, model 85)"
-
-
 def test_stored_baseline_can_be_read():
     stored = json.loads((Path(check.__file__).parent / "baseline.json").read_text())
     assert all(set(ratios) == {"f64", "f32"} for ratios in stored.values())

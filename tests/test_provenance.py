@@ -48,3 +48,12 @@ def test_a_run_can_be_traced() -> None:
     assert told["packages"]["taichi"].startswith("1.")
     assert told["git"] is None or re.fullmatch(r"[0-9a-f]{40}(\+changes)?", told["git"])
     assert all(told[key] for key in ("version", "python", "platform", "cpu", "command"))
+
+
+def test_what_bits_depend_on_is_compared() -> None:
+    now = {"cpu": "one", "packages": {"taichi": "1.7.4", "numpy": "2.0"}}
+    assert pv.changed_machine(now | {"packages": {"taichi": "1.7.4", "numpy": "1.9"}}, now) is None
+    other = {"cpu": "two", "packages": {"taichi": "1.7.3"}}
+    assert pv.changed_machine(other, now) == "CPU two, now one; taichi 1.7.3, now 1.7.4"
+    assert pv.changed_machine(None, now) is None
+    assert pv.changed_machine({"cpu": "one", "packages": 3}, now) == "taichi unknown, now 1.7.4"

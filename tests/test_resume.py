@@ -162,7 +162,7 @@ def copy(cut: Path, tmp_path: Path) -> Path:
 def test_a_killed_run_is_resumed_bitwise(copy: Path, whole: RunFolder) -> None:
     assert not (copy / "summary.json").exists()
     done = ldem("resume", str(copy))
-    assert done.returncode == 0, done.stderr
+    assert (done.returncode, done.stderr) == (0, "")
     assert "resumed at t = " in done.stdout
     assert differences(whole.path, copy) == []
     again = ldem("resume", str(copy))
@@ -179,8 +179,13 @@ def test_sigterm_leaves_a_checkpoint_of_its_own(scene: Path, whole: RunFolder) -
     assert line.endswith(f"`ldem resume {out}` goes on")
     saved = cp.decode((out / cp.LATEST).read_bytes())
     assert len(saved.history) == len(RunFolder.open(out).read_history()["time_s"])
+    record = json.loads((out / "run.json").read_text())
+    record["processes"][-1]["cpu"] = "another CPU"
+    (out / "run.json").write_text(json.dumps(record))
     done = ldem("resume", str(out), "--quiet")
     assert (done.returncode, done.stdout) == (0, "")
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("warning: the run was begun elsewhere (CPU another CPU, now ")
     assert differences(whole.path, out) == []
 
 

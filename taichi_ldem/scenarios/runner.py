@@ -25,7 +25,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from taichi_ldem import backend
 from taichi_ldem.describe import implied, warnings
 from taichi_ldem.memory import peak_bytes, refuse_too_large
-from taichi_ldem.provenance import provenance
+from taichi_ldem.provenance import changed_machine, provenance
 from taichi_ldem.scene import Scene, SceneError, load_scene, parse_scene, scene_to_toml
 from taichi_ldem.store import FieldWriter, HistoryWriter, RunFolder, hexahedral_mesh
 
@@ -255,7 +255,15 @@ def resume(out: Path, summary: Summary, *, extend: float = 0.0, quiet: bool = Fa
         if extend:
             folder.summary_file.unlink(missing_ok=True)  # first: the run is no longer finished
             folder.write_scene(scene_to_toml(scene))
-        folder.write_provenance(provenance(scene) | {"resumed_at_s": simulation.time})
+        told = provenance(scene)
+        changed = changed_machine((folder.processes() or [None])[-1], told)
+        if changed is not None:
+            print(
+                f"warning: the run was begun elsewhere ({changed}): it goes on, but not as to the "
+                "last bit it would have there",
+                file=sys.stderr,
+            )
+        folder.write_provenance(told | {"resumed_at_s": simulation.time})
         console.print(f"resumed at t = {simulation.time:.6g} s, step {simulation.step_number}")
         return _work_off(console, work, summary, time.perf_counter() - started)
 
