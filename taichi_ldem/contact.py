@@ -515,7 +515,7 @@ class Striker(RoundBody):
     def __init__(self, dynamics: Dynamics, scene: StrikerScene, time_step: float):
         lattice = dynamics.lattice
         self.cylinder = scene.shape == "cylinder"
-        tip = lattice.modules[2] * lattice.spacing + scene.gap
+        tip = lattice.modules[2] * dynamics.spacing + scene.gap
         super().__init__(
             dynamics,
             (scene.mass, 0.5 * scene.diameter, scene.gravity, *scene.position, tip),
@@ -645,13 +645,12 @@ class Rings(RigidBody):
 
     def __init__(self, dynamics: Dynamics, clamp: Clamp, plate: Plate):
         assert clamp.inner_diameter is not None  # the scene refuses other clamps without it
-        lattice = dynamics.lattice
         self.moving = clamp.kind == "rings"
         outer = clamp.outer_diameter if clamp.kind != "rim" else None
         numbers = (
             0.5 * clamp.inner_diameter,
             0.5 * outer if outer is not None else math.inf,
-            plate.modules_through_thickness * lattice.spacing,
+            plate.modules_through_thickness * dynamics.spacing,
         )
         fixed = self._fixed(dynamics, numbers, through=clamp.kind == "rim")
         if len(fixed) == 0:

@@ -37,6 +37,14 @@ from taichi_ldem.material import Bars
 
 CORNER, CENTRE = 0, 1
 
+ALL = None
+"""In place of a lane: every lane of a column at once."""
+
+
+def _every(lane: Any) -> bool:
+    return lane is ALL
+
+
 # first and second node of each bar: sublattice, offset of its site (dz, dy, dx)
 _X, _Y, _Z = (0, 0, 1), (0, 1, 0), (1, 0, 0)
 _ENDS = (
@@ -94,6 +102,10 @@ TINY = 1e-12
 """Least square of a bar's length ratio: a bar whose ends meet has no direction to push in."""
 
 
+CLOSE = 1 - 1e-5
+"""Share of the force at eps_p from which a bar's strain is compared with it: within the rounding of
+f32, so that the force only spares bars that are well below."""
+
 RING = 4
 """Rows of bar scalars that a strip keeps: the three that a row of nodes gathers from, and a spare
 that makes the row's place a bit mask."""
@@ -128,6 +140,12 @@ def field_apart(kind: Any, shape: tuple[int, ...] | int, numbers: int = 0) -> ti
     tree.dense(getattr(ti, "ijkl"[: len(sizes)]), sizes).place(field)
     tree.finalize()
     return field
+
+
+def _lane_bits(lanes: npt.NDArray[np.bool_]) -> npt.NDArray[np.uint8]:
+    """(...,) a bit for each of (..., width) lanes."""
+    bits = np.uint8(1) << np.arange(lanes.shape[-1], dtype=np.uint8)
+    return np.asarray((lanes * bits).sum(axis=-1, dtype=np.uint8))
 
 
 @dataclass(frozen=True)
@@ -177,13 +195,13 @@ class Dynamics:
         axial: [bar] (strips, rows, nz + 3, columns), axial force over current length, N/m.
         code: S, the lattice's byte.
         peak: [bar] S, largest strain over the bar's eps_p so far (with damage).
-        touched: one a column, 1 where a bar has ever passed eps_p or was removed: only there is
-            a bar more than elastic.
+        touched: one a column, a bit for each lane where a bar has ever passed eps_p or was
+            removed: only there is a bar more than elastic.
         recorded: S, one bit for each bar already reported broken (with damage).
         removed: S, one bit for each bar cut by a notch (with a notch).
         strength: [bar] S, eps_p over the families' (with disorder of it).
         weakest: one a column, the smallest strength of its bars: a cheap test, which spares most
-            columns a look at every bar's.
+            lanes a look at every bar's.
         modulus: [bar] S, Young's modulus over the mean (with disorder of it).
         own_mass, own_inverse_mass: [sublattice] S, kg, 1/kg (with disorder of density).
         offset: [sublattice][axis] S, how far nodes lie off the regular lattice, in module edges
@@ -341,7 +359,7 @@ class Dynamics:
         """Remove bars, one bit each: (nz + 3, ny + 3, nx + 3)."""
         stored = self.lanes.spread(removed)
         self.removed.from_numpy(stored)
-        self.touched.from_numpy((stored.any(axis=-1)).astype(np.uint8))
+        self.touched.from_numpy(_lane_bits(stored != 0))
 
     def set_peak(self, peak: npt.NDArray[np.float64]) -> None:
         """Age bars to peak strains over their eps_p: (nz + 3, ny + 3, nx + 3, 14)."""
@@ -351,9 +369,8 @@ class Dynamics:
         self._touch(stored)
 
     def _touch(self, peak: npt.NDArray) -> None:
-        """Mark the columns with a bar beyond its eps_p, from (14, *S) peak strains over it."""
-        touched = (peak > 1).any(axis=(0, -1)) | (self.touched.to_numpy() != 0)
-        self.touched.from_numpy(touched.astype(np.uint8))
+        """Mark the lanes with a bar beyond its eps_p, from (14, *S, width) peak strains over it."""
+        self.touched.from_numpy(_lane_bits(np.any(peak > 1, axis=0)) | self.touched.to_numpy())
 
     EVOLVING = ("velocity", "peak", "recorded", "damped")
     """Fields that carry the state from one step to the next, where a scene has them, beside the
@@ -382,6 +399,15 @@ class Dynamics:
                 field.from_numpy(self.lanes.spread(part))
         if self.features.damage:
             self._touch(self.lanes.spread(saved["peak"]))
+
+    @property
+    def spacing(self) -> float:
+        """Module edge as kernels have it, rounded to Taichi's float, m.
+
+        What touches the lattice must start from it: a ring at the exact height of a plate whose
+        nodes are single precision's higher would push them on the first step.
+        """
+        return float(self.numpy_float()(self.lattice.spacing))
 
     @staticmethod
     def numpy_float() -> type[np.floating]:
@@ -420,27 +446,38 @@ class Dynamics:
         if ti.static(self.features.modulus):
             whole *= self.modulus[bar][k, j, m]
         if ti.static(self.features.perturbed):
-            whole *= ti.sqrt(self.shortness(bar, k, j, m))
+            whole *= ti.sqrt(self.shortness(bar, k, j, m, ALL))
         return whole
 
     @ti.func
-    def own_vector(self, bar: ti.template(), axis: ti.template(), k, j, m):
+    def bar_stiffness(self, bar: ti.template(), k, j, m, lane):
+        """EA/L of a bar in one lane, N/m; 0 where there is none."""
+        whole = self.stiffness[int(self.code[k, j, m][lane])][ti.static(STIFFNESS_KIND[bar])]
+        if ti.static(self.features.modulus):
+            whole *= self.modulus[bar][k, j, m][lane]
+        if ti.static(self.features.perturbed):
+            whole *= ti.sqrt(self.shortness(bar, k, j, m, lane))
+        return whole
+
+    @ti.func
+    def own_vector(self, bar: ti.template(), axis: ti.template(), k, j, m, lane: ti.template()):
         """A perturbed bar's vector along an axis, in module edges."""
         first, second = ti.static(_ENDS[bar])
         a, b = ti.static(first[1], second[1])
-        return ti.static(float(BAR_VECTORS[bar][axis])) + (
-            self.offset[second[0]][axis][k + b[0], j + b[1], m + b[2]]
-            - self.offset[first[0]][axis][k + a[0], j + a[1], m + a[2]]
-        )
+        far, near = ti.static(self.offset[second[0]][axis], self.offset[first[0]][axis])
+        along = ti.static(float(BAR_VECTORS[bar][axis]))
+        if ti.static(_every(lane)):
+            return along + (far[k + b[0], j + b[1], m + b[2]] - near[k + a[0], j + a[1], m + a[2]])
+        else:
+            return along + (
+                far[k + b[0], j + b[1], m + b[2]][lane] - near[k + a[0], j + a[1], m + a[2]][lane]
+            )
 
     @ti.func
-    def shortness(self, bar: ti.template(), k, j, m):
+    def shortness(self, bar: ti.template(), k, j, m, lane: ti.template()):
         """Square of a regular bar's length over that of a perturbed one."""
-        square = ti.Vector.zero(float, self.lanes.width)
-        for axis in ti.static(range(3)):
-            along = self.own_vector(bar, axis, k, j, m)
-            square += along * along
-        return ti.static(1.0 if bar < 6 else 0.75) / square
+        x, y, z = [self.own_vector(bar, axis, k, j, m, lane) for axis in ti.static(range(3))]
+        return ti.static(1.0 if bar < 6 else 0.75) / ((x * x + y * y) + z * z)
 
     @ti.func
     def own_peak_strain(self, bar: ti.template(), k, j, m, lane, peak_strain):
@@ -451,41 +488,49 @@ class Dynamics:
         return own
 
     @ti.func
-    def difference(self, bar: ti.template(), axis: ti.template(), now, k, j, m):
+    def difference(
+        self, bar: ti.template(), axis: ti.template(), now, k, j, m, lane: ti.template()
+    ):
         """Displacement of a bar's second node less that of its first, along an axis, m."""
         first, second = ti.static(_ENDS[bar])
         a, b = ti.static(first[1], second[1])
-        return (
-            self.displacement[second[0]][axis][now, k + b[0], j + b[1], m + b[2]]
-            - self.displacement[first[0]][axis][now, k + a[0], j + a[1], m + a[2]]
-        )
+        far, near = ti.static(self.displacement[second[0]][axis], self.displacement[first[0]][axis])
+        if ti.static(_every(lane)):
+            return far[now, k + b[0], j + b[1], m + b[2]] - near[now, k + a[0], j + a[1], m + a[2]]
+        else:
+            return (
+                far[now, k + b[0], j + b[1], m + b[2]][lane]
+                - near[now, k + a[0], j + a[1], m + a[2]][lane]
+            )
 
     @ti.func
-    def product(self, bar: ti.template(), axis: ti.template(), now, k, j, m, spacing):
+    def product(
+        self, bar: ti.template(), axis: ti.template(), now, k, j, m, spacing, lane: ti.template()
+    ):
         """(2 X + d) d along one axis."""
-        d = self.difference(bar, axis, now, k, j, m)
+        d = self.difference(bar, axis, now, k, j, m, lane)
         twice = ti.static(float(2 * BAR_VECTORS[bar][axis]))
         result = d * d
         if ti.static(self.features.perturbed):
-            result = (d + (2 * spacing) * self.own_vector(bar, axis, k, j, m)) * d
+            result = (d + (2 * spacing) * self.own_vector(bar, axis, k, j, m, lane)) * d
         elif ti.static(twice != 0):
             result = (d + twice * spacing) * d
         return result
 
     @ti.func
-    def stretch(self, bar: ti.template(), now, k, j, m, spacing):
-        """q = (l^2 - L0^2) / L0^2 = (2 X + d).d / L0^2 of a bar, in every lane.
+    def stretch(self, bar: ti.template(), now, k, j, m, spacing, lane: ti.template()):
+        """q = (l^2 - L0^2) / L0^2 = (2 X + d).d / L0^2 of a bar, in one lane or in ALL.
 
         The strain is q / (1 + sqrt(1 + q)): no cancellation at small strain, exact at any rotation.
         """
         x, y, z = ti.static(range(3))
         square = (
-            self.product(bar, x, now, k, j, m, spacing)
-            + self.product(bar, y, now, k, j, m, spacing)
-        ) + self.product(bar, z, now, k, j, m, spacing)
+            self.product(bar, x, now, k, j, m, spacing, lane)
+            + self.product(bar, y, now, k, j, m, spacing, lane)
+        ) + self.product(bar, z, now, k, j, m, spacing, lane)
         result = square * (ti.static(1.0 if bar < 6 else 4.0 / 3.0) / (spacing * spacing))
         if ti.static(self.features.perturbed):
-            result *= self.shortness(bar, k, j, m)
+            result *= self.shortness(bar, k, j, m, lane)
         return result
 
     @ti.func
@@ -526,37 +571,49 @@ class Dynamics:
         return 0 if bar < DIAGONAL.start else 1
 
     @ti.func
-    def soften(self, strip, row, now, k, j, m, spacing, peak_strain):
-        """Bring a column's history up to date and take from its bars what they have lost."""
-        self.touched[k, j, m] = ti.u8(1)
-        for bar in ti.static(range(BARS_PER_SITE)):
-            strain = self.strain(self.stretch(bar, now, k, j, m, spacing))
-            for lane in range(self.lanes.width):
-                share = 1.0
-                if ti.static(self.features.notch):
-                    if (self.removed[k, j, m][lane] >> bar) & 1:
-                        share = 0.0
-                if ti.static(self.features.damage):
-                    if share > 0:
-                        peak = self.peak[bar][k, j, m][lane]
-                        own = self.own_peak_strain(bar, k, j, m, lane, peak_strain)
-                        if strain[lane] > peak * own:
-                            peak = strain[lane] / own
-                            self.peak[bar][k, j, m][lane] = peak
-                        share = self.integrity(bar, strain[lane], peak)
-                if share < 1:
+    def soften(self, lanes, strip, row, now, k, j, m, spacing, peak_strain):
+        """Bring some lanes' history up to date and take from their bars what these have lost."""
+        for lane in range(self.lanes.width):
+            if (lanes >> lane) & 1:
+                for bar in ti.static(range(BARS_PER_SITE)):
                     whole = self.axial[bar][strip, row, k, m][lane]
-                    self.axial[bar][strip, row, k, m][lane] = share * whole
+                    if self.beyond_elastic(bar, whole, k, j, m, lane, peak_strain):
+                        strain = self.strain(self.stretch(bar, now, k, j, m, spacing, lane))
+                        share = self.kept_share(bar, k, j, m, lane, strain, peak_strain)
+                        self.axial[bar][strip, row, k, m][lane] = share * whole
 
     @ti.func
-    def passed(self, force, k, j, m, peak_strain):
-        """Whether any bar of a column pulls more than at its own eps_p."""
-        excess = ti.Vector.zero(float, self.lanes.width)
-        for bar in ti.static(range(BARS_PER_SITE)):
-            pull = ti.Vector([force[bar, n] for n in ti.static(range(self.lanes.width))])
-            own = peak_strain * self.strength[bar][k, j, m]
-            excess = ti.max(excess, pull + (pull - self.bar_stiffnesses(bar, k, j, m)) * own)
-        return excess.max() > 0
+    def beyond_elastic(self, bar: ti.template(), force, k, j, m, lane, peak_strain):
+        """Whether a bar is cut, has passed its eps_p, or is CLOSE to it by its force."""
+        found = False
+        if ti.static(self.features.damage):
+            own = self.own_peak_strain(bar, k, j, m, lane, peak_strain)
+            most = CLOSE / (1 + 1 / own) * self.bar_stiffness(bar, k, j, m, lane)
+            found |= force > most or self.peak[bar][k, j, m][lane] > 1
+        if ti.static(self.features.notch):
+            found |= (self.removed[k, j, m][lane] >> bar) & 1 != 0
+        return found
+
+    @ti.func
+    def kept_share(self, bar: ti.template(), k, j, m, lane, strain, peak_strain):
+        """Share of its elastic force that a bar carries, its history brought up to date."""
+        share = 1.0
+        if ti.static(self.features.notch):
+            if (self.removed[k, j, m][lane] >> bar) & 1:
+                share = 0.0
+        if ti.static(self.features.damage):
+            if share > 0:
+                peak = self.peak[bar][k, j, m][lane]
+                own = self.own_peak_strain(bar, k, j, m, lane, peak_strain)
+                if strain > peak * own:
+                    peak = strain / own
+                    self.peak[bar][k, j, m][lane] = peak
+                if peak > 1:
+                    # no atomic: who evaluates the column beside writes the same
+                    bits = int(self.touched[k, j, m]) | 1 << lane
+                    self.touched[k, j, m] = ti.cast(bits, ti.u8)
+                share = self.integrity(bar, strain, peak)
+        return share
 
     @ti.func
     def column_forces(self, strip, row, now, k, j, m, spacing, peak_strain):
@@ -565,16 +622,15 @@ class Dynamics:
         With r = l / L0 = sqrt(1 + q), EA/L0 (r - 1) / r = EA/L0 q / (r^2 + r).
         """
         force = ti.Matrix.zero(float, BARS_PER_SITE, self.lanes.width)
-        # how far the forces are above that of a bar at eps_p; a bar that does not exist (stiffness
-        # 0) ends at a ghost node, which stays at rest, and never is
+        # how far the forces are above that of a bar close to eps_p
         excess = ti.Vector.zero(float, self.lanes.width)
         least = peak_strain
         if ti.static(self.features.strength):
             least = peak_strain * self.weakest[k, j, m]
-        allowed = 1 / (1 + 1 / least)
+        allowed = CLOSE / (1 + 1 / least)
         for bar in ti.static(range(BARS_PER_SITE)):
             whole = self.bar_stiffnesses(bar, k, j, m)
-            q = self.stretch(bar, now, k, j, m, spacing)
+            q = self.stretch(bar, now, k, j, m, spacing, ALL)
             square = ti.max(1 + q, TINY)
             pull = (whole * q) / (square + ti.sqrt(square))
             for lane in ti.static(range(self.lanes.width)):
@@ -587,16 +643,13 @@ class Dynamics:
                 self.axial[bar][strip, row, k, m][lane] = force[bar, lane]
         if ti.static(self.features.history):
             soft = self.touched[k, j, m] != 0
-            close = False
             for lane in ti.static(range(self.lanes.width)):
-                close |= excess[lane] > 0
-            if ti.static(self.features.strength):
-                if close and not soft:
-                    soft = self.passed(force, k, j, m, peak_strain)
-            else:
-                soft |= close
+                soft |= excess[lane] > 0
             if soft:
-                self.soften(strip, row, now, k, j, m, spacing, peak_strain)
+                lanes = int(self.touched[k, j, m])
+                for lane in ti.static(range(self.lanes.width)):
+                    lanes |= int(excess[lane] > 0) << lane
+                self.soften(lanes, strip, row, now, k, j, m, spacing, peak_strain)
 
     @ti.func
     def row_place(self, j):

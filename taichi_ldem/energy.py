@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import taichi as ti
 
-from taichi_ldem.dynamics import STIFFNESS_KIND, Dynamics, field_apart
+from taichi_ldem.dynamics import ALL, Dynamics, field_apart
 from taichi_ldem.lanes import HALO
 from taichi_ldem.lattice import BARS_PER_SITE
 
@@ -98,18 +98,15 @@ class EnergySums:
     @ti.func
     def bar_energy(self, bar: ti.template(), e, k, j, m, lane, spacing, peak_strain):
         """Strain energy and dissipated energy of a bar (J) at a strain, and 1 if it is broken."""
-        code = int(self.dynamics.code[k, j, m][lane])
-        whole = self.dynamics.stiffness[code][ti.static(STIFFNESS_KIND[bar])]
-        if ti.static(self.dynamics.features.modulus):
-            whole *= self.dynamics.modulus[bar][k, j, m][lane]
+        whole = self.dynamics.bar_stiffness(bar, k, j, m, lane)
         if ti.static(self.dynamics.features.notch):
             if (self.dynamics.removed[k, j, m][lane] >> bar) & 1:
                 whole = 0.0
         length = spacing * ti.static(1.0 if bar < 6 else 0.75**0.5)
         twice = ti.cast(whole, ti.f64) * length * length
         if ti.static(self.dynamics.features.perturbed):
-            # EA L0, of the bar's own length
-            twice /= ti.sqrt(ti.cast(self.dynamics.shortness(bar, k, j, m)[lane], ti.f64))
+            # EA L0 is EA / L0 times the square of the bar's own length
+            twice /= ti.cast(self.dynamics.shortness(bar, k, j, m, lane), ti.f64)
         result = ti.Vector([0.5 * twice * e * e, 0.0, 0.0], ti.f64)
         if ti.static(self.dynamics.features.damage):
             peak = self.dynamics.peak[bar][k, j, m][lane]
@@ -133,7 +130,7 @@ class EnergySums:
                 begin = HALO + piece * self.dynamics.piece
                 for m in range(begin, self.dynamics.piece_end(piece)):
                     for bar in ti.static(range(BARS_PER_SITE)):
-                        q = self.dynamics.stretch(bar, now, k, j, m, spacing)
+                        q = self.dynamics.stretch(bar, now, k, j, m, spacing, ALL)
                         strain = self.dynamics.strain(q)
                         for lane in range(self.dynamics.lanes.width):
                             total += self.bar_energy(

@@ -545,7 +545,9 @@ class Simulation:
         if self._start is ledger or self._start is None:
             return 0.0  # half of the first step's works are not there yet
         given = self._start.stored - ledger.kinetic_striker + ledger.external
-        scale = max(ledger.held_by_plate, abs(given))
+        # before anything has touched, rounding of what presses on a ring is all that there is
+        least = LEAST_SHARE * self._start.stored
+        scale = max(ledger.held_by_plate, abs(given), least)
         return -ledger.contact / scale if scale > 0 else 0.0
 
     def _stopped(self, step: int, what: str, ledger: Ledger | None = None) -> SimulationStopped:
