@@ -182,12 +182,14 @@ def _can_resume(need: Need, folder: Path) -> bool:
 
 
 def _is_whole(need: Need, folder: Path) -> bool:
-    """Whether a finished study has all of its specimens."""
-    if need.name != "bending":
+    """Whether a study or an ensemble has all of its specimens."""
+    if need.name not in ("bending", "ensemble"):
         return True
+    told = json.loads((folder / need.done).read_text(encoding="utf-8"))
+    if need.name == "ensemble":
+        return bool(told.get("finished") == told.get("members"))
     from taichi_ldem.studies.bending import SPECIMENS
 
-    told = json.loads((folder / need.done).read_text(encoding="utf-8"))
     return len(told.get("specimens", [])) >= len(SPECIMENS)
 
 

@@ -143,3 +143,11 @@ def test_bad_input_is_one_line(
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SceneError, match="in a checkout"):
         reproduce(tmp_path / "new", only="fig2")
+
+
+def test_an_ensemble_that_was_cut_off_is_not_whole(tmp_path: Path) -> None:
+    folder = tmp_path / "runs/ensemble"
+    folder.mkdir(parents=True)
+    for finished, whole in ((2, False), (13, True)):
+        (folder / "ensemble.json").write_text(json.dumps({"finished": finished, "members": 13}))
+        assert reproduction._is_whole(NEEDS["ensemble"], folder) is whole
