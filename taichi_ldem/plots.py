@@ -481,8 +481,10 @@ def _mark_times(axes: Axes, run: _Run) -> None:
         if at is None:
             continue
         axes.axvline(_MS * at, color="0.4", linewidth=0.8)
-        # The onset comes shortly before t1: its name hangs to the left.
-        side: Literal["right", "center"] = "right" if name == "onset" else "center"
+        # The onset comes shortly before t1: their names hang to either side.
+        side: Literal["right", "left", "center"] = "center"
+        if name in ("onset", "$t_1$"):
+            side = "right" if name == "onset" else "left"
         axes.annotate(
             name, (_MS * at, 1.01), xycoords=("data", "axes fraction"), ha=side, fontsize=12
         )

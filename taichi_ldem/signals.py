@@ -8,7 +8,8 @@ not).
   of a crack through the thickness H and as long: fracture energy leaves zero.
 - First peak (P1, t1): the first maximum of the smoothed force, from damage onset on, after which it
   falls by 3 % before it exceeds that maximum again.
-- Second peak (P2): the largest smoothed force after the minimum that follows the first peak.
+- Second peak (P2): the largest smoothed force after the minimum that follows the first peak, if the
+  force falls by 3 % after it; a record that ends before has none.
 - Failure time (t2): the first time after P2 from which the smoothed force stays below half of P2.
 
 The paper advises to read t2 off records without oscillations (text on Figs. 13 and 14):
@@ -114,6 +115,8 @@ def force_peaks(time: Array, force: Array, onset: float | None) -> ForcePeaks:
         return ForcePeaks(force_1, time_1, failure_time=_failure(time, smooth, first))
     start = first + int(back[0])
     second = start + int(np.argmax(smooth[start:]))
+    if smooth[second:].min() > (1 - PEAK_DROP) * smooth[second]:
+        return ForcePeaks(force_1, time_1)
     return ForcePeaks(
         force_1,
         time_1,
