@@ -61,7 +61,8 @@ def main() -> None:
         for plate in plates:
             if plate.features.history:
                 chosen = np.random.default_rng(1).random(plate.touched.shape) < share
-                plate.touched.from_numpy(chosen.astype(np.uint8))
+                every_lane = (1 << plate.lanes.width) - 1
+                plate.touched.from_numpy((every_lane * chosen).astype(np.uint8))
             steps(plate, STEPS)
         times = [[steps(plate, STEPS) for plate in plates] for _ in range(options.rounds)]
         for number, variant in enumerate(variants):

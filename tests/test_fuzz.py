@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from taichi_ldem.simulation import Simulation
 
 WHOLE = (
-    GOOD
+    GOOD.replace("[plate]\n", "[plate]\nperturbation = 0.05\nperturbation_seed = 2\n")
     + """
 time_step = "auto"
 damping = 1.0
@@ -44,6 +44,12 @@ normal = "x"
 position = 0.001
 from = [0.0, 0.0]
 to = [0.01, 0.002]
+[disorder]
+fracture_energy_cv = 0.25
+youngs_modulus_data = [3.1e9, 3.3e9, 3.6e9]
+density_cv = 0.1
+correlation_length = 0.004
+seed = 3
 """
 )
 LINES = WHOLE.splitlines()
