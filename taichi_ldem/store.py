@@ -173,8 +173,8 @@ class RunFolder:
 
     def picture_metadata(self) -> dict[str, str]:
         """Text chunks of the run's PNG files: the last process's scene and version."""
-        with suppress(OSError, ValueError, KeyError, TypeError, IndexError):
-            run = json.loads(self.provenance_file.read_text(encoding="utf-8"))["processes"][-1]
+        with suppress(KeyError, TypeError, IndexError):
+            run = self.processes()[-1]
             told = {"scene_sha256": "Scene-SHA256", "version": "Version", "git": "Git"}
             return {tag: str(run[key]) for key, tag in told.items() if run[key]}
         return {}

@@ -133,6 +133,11 @@ class Statistics:
     smallest: float
     largest: float
 
+    @property
+    def half_interval(self) -> float | None:
+        """Half of the interval's length."""
+        return None if self.interval is None else self.interval[1] - self.mean
+
 
 def statistics(values: Sequence[float]) -> Statistics | None:
     """Mean, standard deviation and confidence interval; None without a value."""

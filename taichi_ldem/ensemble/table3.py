@@ -98,11 +98,10 @@ def _mean(rows: Sequence[Row], column: tuple[str, str, float, int, int]) -> str:
     if found is None:
         return "-"
     mean = f"{factor * found.mean:.{digits}f}"
-    if found.interval is None:
+    if found.half_interval is None:
         return f"{mean} (one)"
-    half = factor * (found.interval[1] - found.mean)
     some = "" if found.count == len(rows) else f" ({found.count} of {len(rows)})"
-    return f"{mean} ± {half:.{digits}f}{some}"
+    return f"{mean} ± {factor * found.half_interval:.{digits}f}{some}"
 
 
 def _printed(key: Sequence[tuple[str, Any]]) -> list[str] | None:

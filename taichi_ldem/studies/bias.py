@@ -120,7 +120,7 @@ def _interval(values: Sequence[float], digits: int) -> str:
     found = statistics([value for value in values if value == value])
     if found is None:
         return "-"
-    half = "" if found.interval is None else f" ± {found.interval[1] - found.mean:.{digits}f}"
+    half = "" if found.half_interval is None else f" ± {found.half_interval:.{digits}f}"
     return f"{found.mean:.{digits}f}{half}"
 
 

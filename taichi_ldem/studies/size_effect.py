@@ -28,9 +28,9 @@ MODULES = "plate.modules_through_thickness"
 def line(name: str, values: Sequence[float], scale: float) -> str:
     """Count, mean and CV of a group with their intervals, a line of Markdown."""
     found = statistics(values)
-    if found is None or found.standard_deviation is None or found.interval is None:
+    if found is None or found.standard_deviation is None or found.half_interval is None:
         return f"| {name} | {len(values)} | - | - |"
-    half = found.interval[1] - found.mean
+    half = found.half_interval
     low, high = deviation_interval(found.standard_deviation, found.count)
     cv = [100 * s / found.mean for s in (found.standard_deviation, low, high)]
     return (
