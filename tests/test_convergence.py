@@ -1,5 +1,7 @@
 """The arithmetic of the convergence study; its runs are the study's own."""
 
+import csv
+import json
 from pathlib import Path
 from typing import Any
 
@@ -69,6 +71,45 @@ def test_advice_names_the_cheapest_that_is_good_enough() -> None:
     assert "costs 9 s" in one
     assert "choose 2 modules" in five
     assert "None of these" in conv.advice(study, rows[:2])[0]
+
+
+def _wave_records(study: conv.Study, folder: Path) -> None:
+    """Records of pulses that come late by h^2, and early by a hundredth of the step squared."""
+    time_s, scene = np.linspace(0.0, 10.0, 401), study.scene
+
+    def write(name: str, at: float, **more: object) -> None:
+        pulse = {"displacement": list(np.exp(-((time_s - at) ** 2)))}
+        told = {"time": list(time_s), "signals": pulse, **more}
+        (folder / f"{name}.json").write_text(json.dumps(told))
+
+    exact = {"flight_s": 4.0, "speed_m_s": 1677.0, "continuum_m_s": 1678.0}
+    write("reference", 5.0, **exact)
+    fine = conv.Point(study.plan.timed, conv.FINE_STEP)
+    for point in [*study.points(), *study.steps(), fine]:
+        edge = scene.plate.size[2] / point.modules
+        late = (edge / scene.plate.size[2]) ** 2 - 0.01 * point.share**2
+        size = {"steps": 10, "bars": 10, "spacing_m": edge}
+        step = {"share": point.share, "time_step_s": point.share * 1e-7}
+        cost = dict.fromkeys(("cpu_s", "wall_s", "compile_s", "energy_error"), point.modules**4)
+        write(point.name, 5.0 + late, **cost, **size, **step)
+
+
+def test_a_wave_s_report_is_written_from_what_has_run(tmp_path: Path) -> None:
+    file = CONFIGS / "wave.toml"
+    study = conv.Study(file, load_scene(file), conv.WAVE, tmp_path, conv.PLANS[conv.WAVE])
+    study.claim(False)
+    _wave_records(study, tmp_path)
+    assert conv.run(file, tmp_path) == 0
+    assert (tmp_path / "convergence.png").stat().st_size > 10_000
+    space, in_time = conv.orders(study, study.rows())["speed"]
+    # of second order in both, as made up; the step adds a little to the one in space
+    assert space == pytest.approx(2.0, abs=0.1)
+    assert in_time == pytest.approx(2.0, abs=0.1)
+    report = (tmp_path / "convergence.md").read_text()
+    assert "For an error of 5 % in the speed, choose 3 modules" in report  # 1 - 4 / 4.11 = 2.7 %
+    with (tmp_path / "convergence.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == len(study.points()) + len(study.steps())
 
 
 @pytest.mark.parametrize(

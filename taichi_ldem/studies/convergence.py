@@ -231,8 +231,11 @@ class Study:
 
     def rows(self) -> list[Row]:
         """Every point against the reference, then the order in time."""
-        rows = [self._row(point, self.reference()) for point in self.points()]
+        reference = self.reference()
+        rows = [self._row(point, reference) for point in self.points()]
         fine = self.record(self._fine())
+        if "flight_s" in reference:  # a lattice's wave knows only when it arrives
+            fine = {**fine, "flight_s": reference["flight_s"]}
         return rows + [self._row(point, fine, timed=True) for point in self.steps()]
 
     def _row(self, point: Point, reference: dict[str, Any], timed: bool = False) -> Row:
