@@ -201,8 +201,12 @@ class _Wave:
         self.probes.take(self.simulation, sample)
 
     def signals(self) -> dict[str, Any]:
-        """History at the second probe, over the pulse's height."""
-        moved = np.array(self.probes.seen)[:, self.probes.chosen[1]]
+        """History at the second probe's own place, m, which not every resolution has a plane at."""
+        from scipy.interpolate import CubicSpline
+
+        moved = CubicSpline(self.probes.place, np.array(self.probes.seen), axis=1)(
+            self.packet.pulse.probes[1]
+        )
         return {"time": self.probes.times, "signals": {"displacement": moved.tolist()}}
 
 
