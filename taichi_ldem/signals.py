@@ -8,9 +8,11 @@ not).
   of a crack through the thickness H and as long: fracture energy leaves zero.
 - First peak (P1, t1): the first maximum of the smoothed force, from damage onset on, after which it
   falls by 3 % before it exceeds that maximum again.
-- Second peak (P2): the largest smoothed force after the minimum that follows the first peak, if the
-  force falls by 3 % after it; a record that ends before has none.
-- Failure time (t2): the first time after P2 from which the smoothed force stays below half of P2.
+- Failure time (t2): the first time from damage onset on at which the smoothed force is below half of
+  the largest before it.
+- Second peak (P2): the largest smoothed force between the minimum that follows the first peak and
+  failure, if the force falls by 3 % after it; a record that ends before has none, nor has a plate
+  that fails at its first peak.
 
 The paper advises to read t2 off records without oscillations (text on Figs. 13 and 14):
 
@@ -23,7 +25,7 @@ ASTM D3763: load and deflection at the largest load, energy to it, and total ene
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -107,23 +109,20 @@ def force_peaks(time: Array, force: Array, onset: float | None) -> ForcePeaks:
     first = _first_peak(smooth, int(np.searchsorted(time, onset)))
     if first is None:
         return ForcePeaks()
-    force_1, time_1 = float(smooth[first]), float(time[first])
+    found = ForcePeaks(float(smooth[first]), float(time[first]))
+    end = _failure(smooth, int(np.searchsorted(time, onset)))
+    if end < len(time):
+        found = replace(found, failure_time=float(time[end]))
     # the valley after the first peak ends where the force has come back by as much as it fell
-    lowest = np.minimum.accumulate(smooth[first:])
-    back = np.flatnonzero(smooth[first:] > lowest + PEAK_DROP * force_1)
+    lowest = np.minimum.accumulate(smooth[first:end])
+    back = np.flatnonzero(smooth[first:end] > lowest + PEAK_DROP * smooth[first])
     if len(back) == 0:
-        return ForcePeaks(force_1, time_1, failure_time=_failure(time, smooth, first))
+        return found
     start = first + int(back[0])
-    second = start + int(np.argmax(smooth[start:]))
+    second = start + int(np.argmax(smooth[start:end]))
     if smooth[second:].min() > (1 - PEAK_DROP) * smooth[second]:
-        return ForcePeaks(force_1, time_1)
-    return ForcePeaks(
-        force_1,
-        time_1,
-        float(smooth[second]),
-        float(time[second]),
-        _failure(time, smooth, second),
-    )
+        return found
+    return replace(found, second_force=float(smooth[second]), second_time=float(time[second]))
 
 
 def _first_peak(smooth: Array, start: int) -> int | None:
@@ -137,11 +136,10 @@ def _first_peak(smooth: Array, start: int) -> int | None:
     return None
 
 
-def _failure(time: Array, smooth: Array, peak: int) -> float | None:
-    """First time after a peak from which the force stays below half of it, or None."""
-    high = np.flatnonzero(smooth[peak:] >= FAILURE_SHARE * smooth[peak])
-    last = peak + int(high[-1])
-    return float(time[last + 1]) if last + 1 < len(time) else None
+def _failure(smooth: Array, start: int) -> int:
+    """First index from ``start`` on below half of the largest force before it, or the length."""
+    low = smooth[start:] < FAILURE_SHARE * np.maximum.accumulate(smooth[start:])
+    return start + int(np.argmax(low)) if low.any() else len(smooth)
 
 
 def energy_failure(time: Array, strain: Array) -> float | None:

@@ -89,9 +89,21 @@ def test_what_a_record_does_not_show_is_none() -> None:
     assert (peaks.second_force, peaks.second_time, peaks.failure_time) == (None, None, None)
 
 
-def test_a_force_that_comes_back_has_not_failed() -> None:
-    back = _record(*TWO_PEAKS[:-1], (7.5, 100), (8, 500), (8.5, 500), (8.6, 20), (10, 20))
-    assert force_peaks(TIME, back, ONSET).failure_time == pytest.approx(8.55e-3, abs=5e-5)
+def test_what_comes_back_after_failure_is_no_peak() -> None:
+    plain = force_peaks(TIME, _record(*TWO_PEAKS), ONSET)
+    back = _record(*TWO_PEAKS[:-1], (7.5, 100), (8, 800), (8.5, 800), (8.6, 20), (10, 20))
+    assert force_peaks(TIME, back, ONSET) == plain
+
+
+def test_a_plate_that_fails_at_its_first_peak_has_no_second() -> None:
+    debris = (3.0, 100), (3.2, 150), (3.4, 20), (10, 20)  # the plug, caught by the striker
+    record = _record((0, 0), (1.5, 600), (2.0, 600), (2.1, 50), *debris)
+    peaks = force_peaks(TIME, record, ONSET)
+    assert peaks.first_force == pytest.approx(600.0, rel=1e-10)
+    assert (peaks.second_force, peaks.second_time) == (None, None)
+    # the average is half of 600 where the window holds 0.2 ms of a fall of 550 N in 0.1 ms, x = t - 2:
+    # 600 (0.1 - x) + 325 0.1 + 50 x = 0.2 x 300, so x = 0.0591 (ms)
+    assert peaks.failure_time == pytest.approx(2.065e-3, abs=1.0e-5)
 
 
 @pytest.mark.parametrize("frequency", [300.0, 1460.0, 3000.0, 8000.0])
