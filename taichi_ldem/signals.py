@@ -8,8 +8,8 @@ not).
   of a crack through the thickness H and as long: fracture energy leaves zero.
 - First peak (P1, t1): the first maximum of the smoothed force, from damage onset on, after which it
   falls by 3 % before it exceeds that maximum again.
-- Failure time (t2): the first time from damage onset on at which the smoothed force is below half of
-  the largest before it.
+- Failure time (t2): the first time from damage onset on at which the smoothed force is below half
+  of the largest before it.
 - Second peak (P2): the largest smoothed force between the minimum that follows the first peak and
   failure, if the force falls by 3 % after it; a record that ends before has none, nor has a plate
   that fails at its first peak.

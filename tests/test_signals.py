@@ -101,7 +101,7 @@ def test_a_plate_that_fails_at_its_first_peak_has_no_second() -> None:
     peaks = force_peaks(TIME, record, ONSET)
     assert peaks.first_force == pytest.approx(600.0, rel=1e-10)
     assert (peaks.second_force, peaks.second_time) == (None, None)
-    # the average is half of 600 where the window holds 0.2 ms of a fall of 550 N in 0.1 ms, x = t - 2:
+    # half of 600 where the window holds 0.2 ms of a fall of 550 N in 0.1 ms, x = t - 2 ms:
     # 600 (0.1 - x) + 325 0.1 + 50 x = 0.2 x 300, so x = 0.0591 (ms)
     assert peaks.failure_time == pytest.approx(2.065e-3, abs=1.0e-5)
 
