@@ -666,7 +666,7 @@ def write(
     ]
     if quick:
         parts.append(
-            "\nQuick: five modules through the thickness, f32 and 0.8 of the critical time step for "
+            "\nQuick: five modules through the thickness, f32 and 0.8 of the critical step for "
             "the homogeneous specimen, half the specimen with three modules and two seeds for the "
             "random ones, coarser lattices elsewhere. "
             "For a first look, not for comparison.\n"
