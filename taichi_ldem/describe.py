@@ -281,7 +281,7 @@ def describe(scene: Scene, measured: bool = False, fields: bool = False) -> Grou
         del rows["time step"], rows["steps"]
     else:
         expected = simulation.measure_step() * simulation.steps
-        rows["time to compute"] = f"about {expected:.0f} s on this machine as it is now"
+        rows["time to compute"] = f"about {expected:.0f} s, as busy as the machine is"
     rows["memory of all fields"] = f"{sum(sizes.values()) / 1e6:.2f} MB"
     table = Table("quantity", "value", title="what the inputs imply")
     for name, value in rows.items():

@@ -149,6 +149,12 @@ def bar_families(material: Material, spacing: float, stiffness_variant: str = "e
     return Bars(*families)
 
 
+def _rounded_up(strain: float) -> str:
+    """A strain to five digits that is not below it: it may be copied into a scene."""
+    text = f"{strain:.5g}"
+    return text if float(text) >= strain else f"{strain * (1 + 5e-5):.5g}"
+
+
 def check(scene: Scene, name: str = "") -> Bars:
     """The scene's bar families, refused where a bar cannot dissipate G_f A^f without a jump.
 
@@ -168,7 +174,7 @@ def check(scene: Scene, name: str = "") -> Bars:
         if family.ductility < 1 and scene.material.limit_strain is not None:
             raise SceneError(
                 f"{where}material.limit_strain = {scene.material.limit_strain}: must be at least "
-                f"the failure strain eps_p = {family.peak_strain:.5g}"
+                f"the failure strain eps_p = {_rounded_up(family.peak_strain)}"
             )
         if family.ductility < 1:
             largest = family.critical_length * plate.spacing / family.length
@@ -179,7 +185,7 @@ def check(scene: Scene, name: str = "") -> Bars:
                 f"K_r = {family.ductility:.3f} < 1 for {kind} bars (Eq. 12), too coarse for them "
                 "to soften: at their strength they hold more than G_f; the module edge may be "
                 f"{largest * 1e3:.4g} mm at most, at least {modules} modules, or give "
-                f"material.limit_strain >= {family.peak_strain:.5g}, with which they dissipate "
+                f"material.limit_strain >= {_rounded_up(family.peak_strain)}, with which they dissipate "
                 "more than G_f" + ("; plate.size is in metres" if metres else "")
             )
     return bars

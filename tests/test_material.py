@@ -97,6 +97,15 @@ def test_too_coarse_a_lattice_is_refused_with_the_number_of_modules_that_would_d
     assert _plate(6, **strain, damage=False).longitudinal.peak_strain == 0.0
 
 
+def test_the_limit_strain_of_the_refusal_is_admitted() -> None:
+    # R_f 60: eps_p = 60 sqrt(1034 / 3.35e9) = 0.03333413, which five digits round down
+    factor = {"failure_factor": 60.0}
+    with pytest.raises(SceneError, match=r"limit_strain >= 0\.0\d+,") as refusal:
+        _plate(6, **factor)
+    advised = str(refusal.value).partition("limit_strain >= ")[2].partition(",")[0]
+    assert _plate(6, **factor, limit_strain=float(advised)).longitudinal.ductility >= 1
+
+
 def test_characteristic_length_of_eq_9() -> None:
     # L_cr of Eq. (13) is 2 (A_f E / EA) / R_f^2: geometry times the characteristic length 1 / R_f^2
     bars = mat.bar_families(PAPER, PAPER_SPACING)
