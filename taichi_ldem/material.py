@@ -185,7 +185,7 @@ def check(scene: Scene, name: str = "") -> Bars:
                 f"K_r = {family.ductility:.3f} < 1 for {kind} bars (Eq. 12), too coarse for them "
                 "to soften: at their strength they hold more than G_f; the module edge may be "
                 f"{largest * 1e3:.4g} mm at most, at least {modules} modules, or give "
-                f"material.limit_strain >= {_rounded_up(family.peak_strain)}, with which they dissipate "
-                "more than G_f" + ("; plate.size is in metres" if metres else "")
+                f"material.limit_strain >= {_rounded_up(family.peak_strain)}, with which they "
+                "dissipate more than G_f" + ("; plate.size is in metres" if metres else "")
             )
     return bars
