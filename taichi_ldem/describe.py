@@ -33,6 +33,9 @@ MANY_STEPS = 5e6
 LIGHTEST, HEAVIEST = 10.0, 25e3
 """Densities of solids, from foam to osmium, kg/m3."""
 
+SOFTEST = 1e6
+"""Young's modulus below which MPa or GPa are more likely, Pa: rubber is stiffer."""
+
 ROUNDED = 1e-4
 """Relative change of a side by rounding to whole modules from which it is told."""
 
@@ -151,6 +154,11 @@ def _slips(scene: Scene, steps: float | None) -> list[str]:
         lines.append(
             f"plate.size: asked {asked} mm, built {built} mm, in whole modules of "
             f"{1e3 * plate.spacing:.4g} mm"
+        )
+    if m.youngs_modulus < SOFTEST:
+        lines.append(
+            f"material.youngs_modulus = {m.youngs_modulus:g}: in Pa; softer than rubber, were MPa "
+            "or GPa meant?"
         )
     if not LIGHTEST <= m.density <= HEAVIEST:
         lines.append(f"material.density = {m.density:g}: in kg/m3; that is no solid's")
