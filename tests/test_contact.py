@@ -33,8 +33,9 @@ class Hit:
 
     place, gap, steps = (0.3e-3, -0.2e-3), 1e-6, 300
 
-    def __init__(self, mass: float, speed: float, radius: float) -> None:
+    def __init__(self, mass: float, speed: float, radius: float, depth: float = 0.0) -> None:
         from taichi_ldem.simulation import Simulation
+        from taichi_ldem.studies.reuse import start_striker
 
         self.mass, self.speed, self.radius = mass, speed, radius
         striker = {
@@ -46,6 +47,8 @@ class Hit:
         }
         self.simulation = s = Simulation(block_scene(8, 8, 3, striker=striker))
         self.body = body = Body(s.dynamics.lattice.mask, SPACING)
+        if depth:
+            start_striker(s, self.gap + depth)
         masses = MODULE_MASS * body.mass_shares[:, None]
         rows = []
         moved = np.zeros((len(body.places), 3))
@@ -125,6 +128,19 @@ def test_the_striker_pushes_along_its_normal_and_only_on_what_it_touches(hit: Hi
 def test_the_energy_of_the_hit_is_accounted_for(hit: Hit) -> None:
     assert hit.errors.max() < 5e-4
     assert 0 < hit.lost[-1] < 0.5 * hit.mass * hit.speed**2
+
+
+def test_a_node_that_is_inside_gets_nothing_but_what_stops_it_there(taichi: None) -> None:
+    depth = 0.4 * SPACING  # put back on the surface in a step, it would get 2 km/s
+    hit = Hit(*LIGHT, depth)
+    energy = 0.5 * hit.mass * hit.speed**2
+    assert -depth < hit.distance[0].min() < -0.8 * depth
+    assert hit.distance.min() == pytest.approx(hit.distance[0].min(), rel=1e-6)
+    assert np.abs(hit.velocity).max() <= hit.speed * (1 + 1e-12)
+    assert 0 < hit.lost.min()
+    assert hit.lost.max() < energy
+    assert hit.errors.max() < 5e-4
+    np.testing.assert_allclose(hit.momentum, hit.mass * hit.speed, rtol=1e-12)
 
 
 # -- a striker that comes to rest on a plate between rings -----------------------------------------

@@ -58,7 +58,7 @@ def renew(simulation: "Simulation", scene: "Scene", lattice: "Lattice | None" = 
     for body in simulation.bodies:
         body.sums.fill(0)
     if simulation.striker is not None and scene.striker is not None:
-        tip = dynamics.lattice.modules[2] * dynamics.lattice.spacing + scene.striker.gap
+        tip = dynamics.lattice.modules[2] * dynamics.spacing + scene.striker.gap
         s = scene.striker
         numbers = (s.mass, 0.5 * s.diameter, s.gravity, *s.position, tip)
         simulation.striker.numbers.from_numpy(np.array(numbers, dtype=np.float64))
