@@ -34,8 +34,8 @@ class Number:
             return ", ".join(self.shown(item) for item in value) or "none"
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             return "none" if value is None else str(value)
-        if isinstance(value, int) and self.factor == 1.0:
-            return f"{value:,}"
+        if self.factor == 1.0 and (isinstance(value, int) or (not self.unit and value % 1 == 0)):
+            return f"{value:,.0f}"  # a count
         return three_digits(self.factor * value)
 
     def told(self, value: Any) -> str:
@@ -105,6 +105,10 @@ NUMBERS: dict[str, Number] = {
     "bars": Number("bars"),
     "nodes": Number("nodes"),
     "bars_per_s": Number("speed", "million bars a second", 1e-6),
+    "disorder.fracture_energy_cv": Number("CV of the fracture energy", "%", 100.0),
+    "disorder.youngs_modulus_cv": Number("CV of Young's modulus", "%", 100.0),
+    "disorder.density_cv": Number("CV of the density", "%", 100.0),
+    "disorder.seed": Number("seed"),
     "peak_memory_bytes": Number("largest memory of the process", "MB", 1e-6),
 }
 MEASURED_AT_END = "measured at the end: no failure by the strain energy"
@@ -112,7 +116,9 @@ MEASURED_AT_END = "measured at the end: no failure by the strain energy"
 
 
 def named(key: str) -> Number:
-    """How a number is shown; of an unknown one the key's words, in SI units."""
+    """How a number is shown; a scene's key as it is, of another unknown one the words, in SI."""
+    if "." in key and key not in NUMBERS:
+        return Number(key, unit_of(key))
     return NUMBERS.get(key) or Number(key.replace("_", " "))
 
 
