@@ -10,6 +10,8 @@ from typing import Any
 
 from taichi_ldem.scene import Scene
 
+_NOTHING = 1e-3  # of the largest of a list: what is less is shown as 0
+
 
 @dataclass(frozen=True)
 class Number:
@@ -31,7 +33,9 @@ class Number:
     def shown(self, value: Any) -> str:
         """Three digits in the unit, whole numbers whole; "none" without a value."""
         if isinstance(value, (list, tuple)):
-            return ", ".join(self.shown(item) for item in value) or "none"
+            least = _NOTHING * max((abs(v) for v in value if isinstance(v, float)), default=0.0)
+            items = [0.0 if isinstance(v, float) and abs(v) < least else v for v in value]
+            return ", ".join(self.shown(item) for item in items) or "none"
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             return "none" if value is None else str(value)
         if self.factor == 1.0 and (isinstance(value, int) or (not self.unit and value % 1 == 0)):

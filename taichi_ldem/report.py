@@ -30,6 +30,7 @@ from taichi_ldem.describe import implied, left_out, warnings
 from taichi_ldem.durable import write_whole
 from taichi_ldem.ensemble.plan import MEMBERS
 from taichi_ldem.ensemble.results import FEWEST
+from taichi_ldem.ensemble.table3 import AT_T2
 from taichi_ldem.ensemble.table3 import label as group_label
 from taichi_ldem.numbers import MEASURED_AT_END, at_end, named, unit_of
 from taichi_ldem.plots import RING_SIGN
@@ -406,7 +407,7 @@ def _cards(scene: Scene, summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 def _card_label(key: str, summary: Mapping[str, Any]) -> str:
     label = named(key).label
-    if key in ("radial_cracks", "radial_diameter_m") and summary.get(key):
+    if key in AT_T2 and summary.get(key):
         return f"{label}, {MEASURED_AT_END if at_end(summary) else 'at t2 (energy)'}"
     return label
 
@@ -940,7 +941,7 @@ def _member_cell(key: str, member: Mapping[str, Any]) -> str:
     value = member[key]
     if value is None:
         return "" if key == "reason" else "-"
-    starred = key in ("radial_cracks", "radial_diameter_m") and at_end(member)
+    starred = key in AT_T2 and at_end(member)
     return named(key).shown(value) + ("*" if starred else "")
 
 
@@ -967,7 +968,8 @@ def _ensemble_page(folder: Path, page: Path) -> Page:
         except ValueError as error:
             raise SceneError(f"cannot read '{file}': {error}") from None
     asked = [(key, _plain(value)) for key, value in told.get("asked", {}).items()]
-    groups = [_group(group) for group in told.get("groups", [])]
+    read = [_read(member) for member in members]
+    groups = [_group(group, starred=_starred(group, read)) for group in told.get("groups", [])]
     failed = [
         f"{name}: {member.get('reason') or member.get('state')}"
         for name, member in told.get("not_finished", {}).items()
@@ -1004,8 +1006,16 @@ def _ensemble_commands(asked: Mapping[str, Any], folder: Path) -> list[str]:
     return [shlex.join(words), shlex.join(["ldem", "plot", str(folder)])]
 
 
-def _group(group: Mapping[str, Any]) -> Table:
-    rows = []
+def _starred(group: Mapping[str, Any], members: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether cracks of a member of the group were measured at the end."""
+    varied = group.get("varied", {})
+    own = [m for m in members if all(m.get(key) == value for key, value in varied.items())]
+    return any(at_end(member) for member in own)
+
+
+def _group(group: Mapping[str, Any], *, starred: bool) -> Table:
+    """Statistics of a group; starred: of some members cracks were measured at the end."""
+    rows: list[tuple[str, ...]] = []
     for name, s in group.get("statistics", {}).items():
         number = named(name)
         deviation, interval = s["standard_deviation"], s["interval"]
@@ -1013,7 +1023,7 @@ def _group(group: Mapping[str, Any]) -> Table:
             interval = None  # of folders from before
         rows.append(
             (
-                number.label,
+                number.label + ("*" if starred and name in AT_T2 else ""),
                 number.unit,
                 str(s["count"]),
                 number.shown(float(s["mean"])),
@@ -1022,7 +1032,11 @@ def _group(group: Mapping[str, Any]) -> Table:
                 f"{number.shown(s['smallest'])} to {number.shown(s['largest'])}",
             )
         )
-    interval = f"95 % of the mean (from {FEWEST} members on)"
-    header = ("", "unit", "members", "mean", "standard deviation", interval, "range")
+    header: tuple[str, ...]
+    header = ("", "unit", "members", "mean", "standard deviation", "95 % of the mean", "range")
     varied = group_label([(k, v) for k, v in group.get("varied", {}).items()])
-    return Table(rows, header, varied[0].upper() + varied[1:])
+    caption = varied[0].upper() + varied[1:]
+    if not any(row[5] for row in rows):
+        rows, header = [row[:5] + row[6:] for row in rows], header[:5] + header[6:]
+        caption += f"; no confidence interval below {FEWEST} members"
+    return Table(rows, header, caption + (f" (*: some {MEASURED_AT_END})" if starred else ""))

@@ -250,12 +250,25 @@ def test_modes_and_ensembles_have_pages(tmp_path: Path) -> None:
         "1 of 1 members",
         "<td>7.12</td>",  # 0.0071234567 s
         "<th>failure t2 (force) [ms]</th>",
-        "Seed 1",
+        "Seed 1; no confidence interval below 3 members",
         "&lt;NaN&gt;",
         "cd34",
         "ldem ensemble a.toml --seeds 1:4 --set a.b=1",
     ):
         assert part in text, part
+
+
+def test_groups_with_cracks_measured_at_the_end_are_marked() -> None:
+    broken = {"cv": 0.1, "radial_cracks": 3, "failure_time_energy_s": 7e-3}
+    members = [broken, broken | {"cv": 0.2, "failure_time_energy_s": None}]
+    marked = [report._starred({"varied": {"cv": cv}}, members) for cv in (0.1, 0.2)]
+    assert marked == [False, True]
+    numbers = dict.fromkeys(("mean", "smallest", "largest"), 5.0)
+    group = {"statistics": {"radial_cracks": numbers | {"count": 3, "interval": [4.5, 5.5]}}}
+    group["statistics"]["radial_cracks"]["standard_deviation"] = 0.2
+    table = report._group(group, starred=True)
+    assert table.rows == [("radial cracks*", "", "3", "5", "0.200", "4.50 to 5.50", "5 to 5")]
+    assert "no failure by the strain energy" in table.caption
 
 
 def test_bad_input_is_one_line(
