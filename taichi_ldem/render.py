@@ -739,7 +739,7 @@ def _centre(fields: Fields, panel: _Panel) -> FloatArray:
     middle: FloatArray = (fields.points.min(axis=0) + fields.points.max(axis=0)) / 2
     shown = np.abs(fields.points[:, 0] - middle[0]) < panel.span / 2
     height = (fields.points[:, 2] + fields.displacement[:, 2])[shown]
-    middle[2] = np.nanquantile(height, (0.005, 0.995)).mean()  # loose fragments may be anywhere
+    middle[2] = np.nanquantile(height, (0.1, 0.9)).mean()  # loose fragments may be anywhere
     return middle
 
 

@@ -808,8 +808,13 @@ def _crack_map(scene: Scene, cracks: Cracks, end: float) -> Figure:
             _line(radius * np.cos(angle), radius * np.sin(angle), name, "#555555", 1.0, line=line)
         )
     more = {
-        "xaxis": {"range": [half[0], -half[0]], "constrain": "domain"},
-        "yaxis": {"range": [-half[1], half[1]], "scaleanchor": "x", "constrain": "domain"},
+        "xaxis": {"range": [half[0], -half[0]], "constrain": "domain", "zeroline": False},
+        "yaxis": {
+            "range": [-half[1], half[1]],
+            "scaleanchor": "x",
+            "constrain": "domain",
+            "zeroline": False,
+        },
         "height": 500,
         "legend": {"y": -0.14},
     }
