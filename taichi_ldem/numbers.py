@@ -119,11 +119,27 @@ MEASURED_AT_END = "measured at the end: no failure by the strain energy"
 """Of radial cracks and d_r in a record without t2 (energy)."""
 
 
+_ENDINGS = {
+    "_j_m2": "J/m2",
+    "_m_s": "m/s",
+    "_m2": "m2",
+    "_hz": "Hz",
+    "_pa": "Pa",
+    "_m": "m",
+    "_n": "N",
+    "_j": "J",
+    "_s": "s",
+}
+
+
 def named(key: str) -> Number:
     """How a number is shown; a scene's key as it is, of another unknown one the words, in SI."""
     if "." in key and key not in NUMBERS:
         return Number(key, unit_of(key))
-    return NUMBERS.get(key) or Number(key.replace("_", " "))
+    if key in NUMBERS:
+        return NUMBERS[key]
+    ending, unit = next((item for item in _ENDINGS.items() if key.endswith(item[0])), ("", ""))
+    return Number(key.removesuffix(ending).replace("_", " "), unit)
 
 
 def at_end(numbers: Mapping[str, Any]) -> bool:

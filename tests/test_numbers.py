@@ -34,7 +34,8 @@ def test_numbers_are_told_in_their_units():
     assert named("radial_centre_m").told([0.0, -1.8e-4]) == "0, -0.180 mm"
     assert named("radial_centre_m").told([7.8e-10, 2.5e-4]) == "0, 0.250 mm"
     assert named("striker.velocity").title == "striker.velocity [m/s]"
-    assert named("something_else_m").told(0.00123) == "0.00123"
+    assert named("something_else_m").told(0.00123) == "0.00123 m"
+    assert named("wave_speed_m_s").title == "wave speed [m/s]"
 
 
 def test_all_numbers_of_an_impact_have_names():
