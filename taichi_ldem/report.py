@@ -34,6 +34,7 @@ from taichi_ldem.ensemble.table3 import AT_T2
 from taichi_ldem.ensemble.table3 import label as group_label
 from taichi_ldem.numbers import MEASURED_AT_END, at_end, named, unit_of
 from taichi_ldem.plots import RING_SIGN
+from taichi_ldem.render import GONE
 from taichi_ldem.scene import DISORDERED, Scene, SceneError, load_scene
 from taichi_ldem.signals import SMOOTHING_WINDOW, low_pass, smooth_force
 from taichi_ldem.store import RunFolder, read_fields, read_times
@@ -200,11 +201,13 @@ class Snapshots:
 
     Attributes:
         times: s.
+        note: what a reader must know about them.
     """
 
     view: str
     times: list[float]
     pictures: list[Picture]
+    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -246,7 +249,9 @@ class Page:
                 }
                 for f in self.figures
             ],
-            "snapshots": [{"view": s.view, "times": s.times} for s in self.snapshots],
+            "snapshots": [
+                {"view": s.view, "times": s.times, "note": s.note} for s in self.snapshots
+            ],
         }
         return json.dumps(told, allow_nan=False).replace("</", "<\\/")
 
@@ -825,6 +830,12 @@ def _crack_map(scene: Scene, cracks: Cracks, end: float) -> Figure:
 # --- pictures -------------------------------------------------------------------------------------
 
 
+MISSING = (
+    f"White or missing: modules with {100 * GONE:.0f} % or more of their bars broken; "
+    "they are still in the model."
+)
+
+
 def _embedded(file: Path) -> str:
     return "data:image/png;base64," + base64.b64encode(file.read_bytes()).decode()
 
@@ -850,7 +861,7 @@ def _snapshots(folder: RunFolder, scene: Scene, most: int) -> tuple[list[Snapsho
                 into.mkdir()
                 drawn = render_shot(folder, Shot(view=view), into, times)
                 pictures = [Picture(f"{1e3 * at:.3f} ms", _small(file)) for at, file in drawn]
-                found.append(Snapshots(view, [at for at, _ in drawn], pictures))
+                found.append(Snapshots(view, [at for at, _ in drawn], pictures, MISSING))
             return found, ""
         except SceneError as error:
             return [_plain_maps(folder, [int(n) for n in chosen])], str(error)

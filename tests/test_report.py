@@ -11,7 +11,7 @@ import pytest
 from browser import drive, need_browser
 from synthetic import FAILURE, synthetic_run
 
-from taichi_ldem import report
+from taichi_ldem import render, report
 from taichi_ldem.cli import main
 from taichi_ldem.report import write_report
 from taichi_ldem.scene import SceneError, load_scene
@@ -149,6 +149,16 @@ def test_a_run_without_figures_or_summary_has_a_page(tmp_path: Path) -> None:
     assert "Not finished: until 0.000 of 10.000 ms" in text
     assert "no summary yet" in text
     assert len(text) < 1e5  # plotly stays out
+
+
+def test_pictures_say_what_a_gap_is(folder: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = load_scene(folder.scene_file)
+    monkeypatch.setattr(render, "render_shot", lambda *_: [])
+    shots, note = report._snapshots(folder, scene, 2)
+    assert [s.view for s in shots] == ["below", "above"]
+    assert note == ""
+    assert all("40 % or more of their bars broken; they are still" in s.note for s in shots)
+    assert report._plain_maps(folder, [0]).note == ""  # which show all modules
 
 
 def test_what_did_not_happen_is_told(tmp_path: Path) -> None:
