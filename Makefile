@@ -10,42 +10,46 @@ APT := [ "$$(id -u)" = 0 ] && as_root= || as_root="sudo -n"; \
 	apt() { $$as_root env DEBIAN_FRONTEND=noninteractive apt-get "$$@" >/dev/null 2>&1; }; \
 	apt_install() { apt update; apt install -y --no-install-recommends "$$@"; }
 
-.PHONY: impact test slow wheel lock bench bench-check docs vulkan browser clean
+# The first target: plain `make` runs the small plate.
+.PHONY: impact help test slow wheel lock bench bench-check docs vulkan browser clean
 
-impact: $(VENV)/.run vulkan
+impact: $(VENV)/.run vulkan ## run a small plate to fracture, into outputs/impact_quick/
 	$(BIN)/ldem impact configs/impact_quick.toml --force
 	@echo "Pictures:"; ls outputs/impact_quick/*.png
 
-test: $(VENV)/.dev vulkan browser
+help: ## list these targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "%-14s%s\n", $$1, $$2 }' Makefile
+
+test: $(VENV)/.dev vulkan browser ## linters, types and tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 # What takes minutes: fuzzing, kills, faults, installs.
-slow: $(VENV)/.dev vulkan
+slow: $(VENV)/.dev vulkan ## tests that take minutes: fuzzing, kills, faults
 	$(BIN)/python -m pytest -m slow
 
 # The wheel in a clean environment: newest dependencies, then the lowest that are admitted.
-wheel: $(VENV)/.dev
+wheel: $(VENV)/.dev ## the wheel, installed into a clean environment
 	$(BIN)/python tests/clean_install.py
 	$(BIN)/python tests/clean_install.py --lowest
 
 # The versions that the checks ran with; elsewhere the bounds of pyproject.toml decide.
-lock: $(VENV)/.dev
+lock: $(VENV)/.dev ## write requirements-dev.lock from .venv
 	version=$$($(BIN)/python -c 'import sys; print("%d.%d" % sys.version_info[:2])'); \
 	{ echo "# make lock, Python $$version"; $(BIN)/python -m pip freeze --exclude-editable \
 		| sed "s/$$/; python_version == \"$$version\"/"; } > requirements-dev.lock
 
-bench: $(VENV)/.run
+bench: $(VENV)/.run ## speed of the step
 	$(BIN)/python benchmarks/bench.py
 
 # Fails when the step has lost 15 % against the C baseline in the same run.
-bench-check: $(VENV)/.run
+bench-check: $(VENV)/.run ## fail where the step has become slower
 	$(BIN)/python benchmarks/bench.py --check
 
 # The pictures of a run are drawn on a Vulkan device; Mesa's software device will do.
-vulkan:
+vulkan: ## a software device for pictures, by apt, where there is none
 	@ldconfig=$$(command -v ldconfig || echo /sbin/ldconfig); \
 	if ! $$ldconfig -p | grep -q libvulkan.so.1 || \
 		! find /usr/share/vulkan/icd.d /etc/vulkan/icd.d -name 'lvp_icd*.json' 2>/dev/null | grep -q .; then \
@@ -54,17 +58,17 @@ vulkan:
 	fi
 
 # Reports are tested in a real browser.
-browser:
+browser: ## chromium for the tests of reports, by apt, where there is none
 	@if ! command -v chromium chromium-browser chrome >/dev/null; then \
 		$(APT); apt_install chromium || echo "No browser: install chromium to test reports in it."; \
 	fi
 
 # Fails on any warning: a missing page, a broken link.
-docs: $(VENV)/.dev
+docs: $(VENV)/.dev ## these pages, into build/docs/
 	$(BIN)/mkdocs build --strict
 
 $(VENV)/.run: pyproject.toml $(VENV)/.made
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[report]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[report,movie]'
 	@touch $@
 
 $(VENV)/.dev: pyproject.toml requirements-dev.lock $(VENV)/.made
@@ -86,5 +90,5 @@ $(VENV)/.made:
 	"$$python" -m venv $(VENV)
 	@touch $@
 
-clean:
+clean: ## remove .venv and what was built
 	rm -rf $(VENV) build dist ./*.egg-info

@@ -226,7 +226,7 @@ def ensemble(
     given = [*(settings or ()), *given]
     members = plan.make_plan(scene_file, cv=cv, seeds=seeds, vary=vary or (), settings=given)
     for member in members.members:
-        check(member.scene)
+        check(member.scene, scene_file.name)
     folder = run.default_folder(scene_file) if out is None else out
     code = run.run(
         members,
@@ -248,6 +248,7 @@ def info(
     measure: Annotated[
         bool, typer.Option("--measure", help="time a step, too: takes a minute or more")
     ] = False,
+    fields: Annotated[bool, typer.Option("--fields", help="memory of every field, too")] = False,
 ) -> None:
     """Print what a scene implies, without running it."""
     scene = _load(scene_file, settings or ())
@@ -256,7 +257,7 @@ def info(
 
     from taichi_ldem.describe import describe
 
-    Console().print(describe(scene, measure))
+    Console().print(describe(scene, measure, fields))
 
 
 @app.command()
@@ -374,7 +375,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # outside of its standalone mode Typer returns the code of typer.Exit
         return int(app(list(arguments) or ["--help"], "ldem", standalone_mode=False) or 0)
     except UsageError as error:
-        return _complain(" ".join(error.format_message().split()), 2)
+        return _complain(" ".join(error.format_message().split()) + _hint(error), 2)
     except typer.Abort:
         return 130
     except OSError as error:
@@ -426,8 +427,21 @@ def _load(path: Path, settings: Sequence[str]) -> "Scene":
     from taichi_ldem.scene import load_scene
 
     scene = load_scene(path, settings)
-    check(scene)
+    check(scene, path.name)
     return scene
+
+
+def _hint(error: Any) -> str:
+    """What to write for an option that is a key of the scene."""
+    option, context = getattr(error, "option_name", None), getattr(error, "ctx", None)
+    options = [name for p in context.command.params for name in p.opts] if context else []
+    if not option or "--set" not in options:
+        return ""
+
+    from taichi_ldem.scene import key_for
+
+    key = key_for(str(option))
+    return f"; keys of the scene: --set {key or 'SECTION.KEY'}={'...' if key else 'VALUE'}"
 
 
 def _list(files: Sequence[Path]) -> None:

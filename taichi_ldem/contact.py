@@ -669,10 +669,15 @@ class Rings(RigidBody):
     def _fixed(
         dynamics: Dynamics, numbers: Sequence[float], through: bool
     ) -> npt.NDArray[np.int32]:
-        """Nodes between the circles: on both faces, or through the whole thickness."""
-        inner, outer, height = numbers
+        """Nodes between the circles: on both faces, or through the whole thickness.
+
+        By the lattice's own places: rounded as f32 has them, a face may lie off its ring by more
+        than any slack.
+        """
+        inner, outer, _ = numbers
         position = dynamics.lattice.positions()
         spacing = dynamics.lattice.spacing
+        height = dynamics.lattice.modules[2] * spacing
         radius = np.hypot(position[..., 0], position[..., 1])
         slack = 1e-9 * spacing
         held = dynamics.lattice.exists()

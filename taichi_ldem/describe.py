@@ -1,5 +1,6 @@
 """What a scene's inputs imply, and what was built for it: the text of ``ldem info``."""
 
+import math
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +20,33 @@ if TYPE_CHECKING:
 
 RESOLVED = 4
 """Modules that a correlation length should span."""
+
+LARGE_STRAIN = 0.2
+"""Peak strain above which no brittle material is."""
+
+FAST = 0.1
+"""Striker's speed over that of longitudinal waves above which a plate is shot at, not struck."""
+
+MANY_STEPS = 5e6
+"""More than forty times as many as the paper's test has."""
+
+LIGHTEST, HEAVIEST = 10.0, 25e3
+"""Densities of solids, from foam to osmium, kg/m3."""
+
+SOFTEST = 1e6
+"""Young's modulus below which MPa or GPa are more likely, Pa: rubber is stiffer."""
+
+ROUNDED = 1e-4
+"""Relative change of a side by rounding to whole modules from which it is told."""
+
+LEGEND = (
+    "EA: axial stiffness of a bar; long., diag.: bars along the edges of a module and from its "
+    "corners to its centre"
+)
+LEGEND_OF_DAMAGE = (
+    "eps_p: strain at which a bar begins to soften; eps_r: at which it is broken; K_r = eps_r / "
+    "eps_p, must not be below 1; L_cr: critical module edge, where K_r is 1; R_f: failure factor"
+)
 
 
 def implied(scene: Scene) -> dict[str, str]:
@@ -67,10 +95,14 @@ def _fracture(scene: Scene, bars: mat.Bars, fracture_energy: float) -> dict[str,
     return rows
 
 
-def warnings(scene: Scene) -> list[str]:
-    """Remarks that a user should read before trusting a run, a line each."""
+def warnings(scene: Scene, steps: int | None = None) -> list[str]:
+    """Remarks that a user should read before trusting a run, a line each.
+
+    Args:
+        steps: of the run, where they are known.
+    """
     plate, m = scene.plate, scene.material
-    lines = []
+    lines = _slips(scene, steps)
     c11, c12, c44 = mat.elastic_constants(m.youngs_modulus, m.poisson_ratio, plate.stiffness)
     anisotropy = 2 * c44 / (c11 - c12)
     if not 0.2 <= m.poisson_ratio <= 0.3 or plate.stiffness == "as-printed":
@@ -99,6 +131,68 @@ def warnings(scene: Scene) -> list[str]:
             "solver.allow_unstable = true: the time step is not held below the critical one"
         )
     return lines
+
+
+def _slips(scene: Scene, steps: float | None) -> list[str]:
+    """Numbers that are possible and rare: in another unit they would be common ones."""
+    plate, m, striker = scene.plate, scene.material, scene.striker
+    lines = []
+    for number, side in enumerate(plate.size):
+        if side > mat.LARGE_SIDE:
+            lines.append(
+                f"plate.size[{number}] = {side:g}: in metres; were millimetres meant, "
+                f"{side / 1000:g}?"
+            )
+    if not plate.angle and any(
+        abs(actual - side) > ROUNDED * side
+        for side, actual in zip(plate.size, plate.actual_size, strict=True)
+    ):
+        asked, built = (
+            " x ".join(f"{1e3 * side:.2f}" for side in sides[:2])
+            for sides in (plate.size, plate.actual_size)
+        )
+        lines.append(
+            f"plate.size: asked {asked} mm, built {built} mm, in whole modules of "
+            f"{1e3 * plate.spacing:.4g} mm"
+        )
+    if m.youngs_modulus < SOFTEST:
+        lines.append(
+            f"material.youngs_modulus = {m.youngs_modulus:g}: in Pa; softer than rubber, were MPa "
+            "or GPa meant?"
+        )
+    if not LIGHTEST <= m.density <= HEAVIEST:
+        lines.append(f"material.density = {m.density:g}: in kg/m3; that is no solid's")
+    if m.damage and (strain := mat.failure_strain(m)) > LARGE_STRAIN:
+        lines.append(
+            f"the peak strain eps_p is {strain:.3g}, more than any brittle material's; are "
+            "youngs_modulus in Pa and fracture_energy in J/m2?"
+        )
+    if striker is not None:
+        stiffness = mat.elastic_constants(m.youngs_modulus, m.poisson_ratio, plate.stiffness)[0]
+        wave = math.sqrt(stiffness / m.density)
+        if striker.velocity > FAST * wave:
+            lines.append(
+                f"striker.velocity = {striker.velocity:g}: in m/s; {striker.velocity / wave:.2g} "
+                f"of the speed of longitudinal waves ({wave:.0f} m/s)"
+            )
+    steps = _steps(scene) if steps is None else steps
+    if scene.scenario != "modes" and steps > MANY_STEPS:
+        lines.append(
+            f"solver.duration = {scene.solver.duration:g}: in seconds; about "
+            f"{steps / 1e6:.3g} million steps"
+        )
+    return lines
+
+
+def _steps(scene: Scene) -> float:
+    """About how many steps a run has, from the infinite lattice's critical time step."""
+    from taichi_ldem.waves import bulk
+
+    solver, plate = scene.solver, scene.plate
+    if solver.time_step != "auto":
+        return solver.duration / float(solver.time_step)
+    critical = 2 / bulk(scene.material, plate.spacing, plate.stiffness).highest_frequency
+    return solver.duration / min(solver.safety * critical, scene.output.history_interval)
 
 
 def left_out(scene: Scene) -> list[str]:
@@ -164,11 +258,12 @@ def _against_everything(scene: Scene, simulation: "Simulation", measured: bool) 
     return table
 
 
-def describe(scene: Scene, measured: bool = False) -> Group:
+def describe(scene: Scene, measured: bool = False, fields: bool = False) -> Group:
     """Everything that ``ldem info`` prints; builds the simulation for its true numbers.
 
     Args:
         measured: time a step, too, beside everything switched on.
+        fields: the memory of every field, too.
 
     Raises:
         SceneError: as building the simulation does.
@@ -188,21 +283,28 @@ def describe(scene: Scene, measured: bool = False) -> Group:
         f"({simulation.time_step / simulation.critical_time_step:.2f} of the critical one)",
         "steps": f"{simulation.steps:,}",
     }
+    sizes = simulation.field_bytes()
     rows |= _disorder(scene, simulation.drawn)
     if scene.scenario == "modes":  # does not step in time
         del rows["time step"], rows["steps"]
+    else:
+        expected = simulation.measure_step() * simulation.steps
+        rows["time to compute"] = f"about {expected:.0f} s, as busy as the machine is"
+    rows["memory of all fields"] = f"{sum(sizes.values()) / 1e6:.2f} MB"
     table = Table("quantity", "value", title="what the inputs imply")
     for name, value in rows.items():
         table.add_row(name, value)
-    memory = Table("field", "MB", title="memory")
-    sizes = simulation.field_bytes()
-    for name, size in sizes.items():
-        memory.add_row(name, f"{size / 1e6:.2f}")
-    memory.add_row("all", f"{sum(sizes.values()) / 1e6:.2f}")
-    parts: list[Table | Text] = [table, memory]
+    parts: list[Table | Text] = [table, Text(LEGEND)]
+    if scene.material.damage:
+        parts.append(Text(LEGEND_OF_DAMAGE))
+    if fields:
+        memory = Table("field", "MB", title="memory")
+        for name, size in sizes.items():
+            memory.add_row(name, f"{size / 1e6:.2f}")
+        parts.append(memory)
     if not scene.plate.angle:  # no other scenario cuts a plate at an angle
         parts.append(_against_everything(scene, simulation, measured))
     parts.append(Text(f"kernels: {', '.join(leave_out.kernels(simulation))}"))
     parts += [Text(f"left out: {line}") for line in left_out(scene)]
-    parts += [Text(f"note: {line}") for line in warnings(scene)]
+    parts += [Text(f"note: {line}") for line in warnings(scene, simulation.steps)]
     return Group(*parts)

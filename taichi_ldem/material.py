@@ -12,6 +12,9 @@ from taichi_ldem.scene import Material, Scene, SceneError
 DIAGONAL_LENGTH = math.sqrt(3) / 2
 """Length of a diagonal bar over that of a longitudinal one."""
 
+LARGE_SIDE = 1.0
+"""Side of a plate, m, above which millimetres are more likely."""
+
 
 def delta(poisson_ratio: float) -> float:
     """delta = 9 nu / (4 - 8 nu), below Eq. (1)."""
@@ -146,30 +149,43 @@ def bar_families(material: Material, spacing: float, stiffness_variant: str = "e
     return Bars(*families)
 
 
-def check(scene: Scene) -> Bars:
+def _rounded_up(strain: float) -> str:
+    """A strain to five digits that is not below it: it may be copied into a scene."""
+    text = f"{strain:.5g}"
+    return text if float(text) >= strain else f"{strain * (1 + 5e-5):.5g}"
+
+
+def check(scene: Scene, name: str = "") -> Bars:
     """The scene's bar families, refused where a bar cannot dissipate G_f A^f without a jump.
+
+    Args:
+        name: of the scene's file, which opens the message.
 
     Raises:
         SceneError: with damage on, K_r < 1 for a family (Eq. (13)): the message names the largest
             admissible module edge and the number of modules that gives it, or the limit strain.
     """
     plate = scene.plate
+    where = f"{name}: " if name else ""
     bars = bar_families(scene.material, plate.spacing, plate.stiffness)
     if not scene.material.damage:
         return bars
-    for name, family in (("longitudinal", bars.longitudinal), ("diagonal", bars.diagonal)):
+    for kind, family in (("longitudinal", bars.longitudinal), ("diagonal", bars.diagonal)):
         if family.ductility < 1 and scene.material.limit_strain is not None:
             raise SceneError(
-                f"material.limit_strain = {scene.material.limit_strain}: must be at least the "
-                f"failure strain eps_p = {family.peak_strain:.5g}"
+                f"{where}material.limit_strain = {scene.material.limit_strain}: must be at least "
+                f"the failure strain eps_p = {_rounded_up(family.peak_strain)}"
             )
         if family.ductility < 1:
             largest = family.critical_length * plate.spacing / family.length
             modules = math.ceil(plate.size[2] / largest)
+            metres = max(plate.size) > LARGE_SIDE
             raise SceneError(
-                f"plate.modules_through_thickness = {plate.modules_through_thickness}: K_r = "
-                f"{family.ductility:.3f} < 1 for {name} bars (Eq. 12); the module edge may be "
-                f"{largest * 1e3:.3f} mm at most, at least {modules} modules, or give "
-                f"material.limit_strain >= {family.peak_strain:.5g}"
+                f"{where}plate.modules_through_thickness = {plate.modules_through_thickness}: "
+                f"K_r = {family.ductility:.3f} < 1 for {kind} bars (Eq. 12), too coarse for them "
+                "to soften: at their strength they hold more than G_f; the module edge may be "
+                f"{largest * 1e3:.4g} mm at most, at least {modules} modules, or give "
+                f"material.limit_strain >= {_rounded_up(family.peak_strain)}, with which they "
+                "dissipate more than G_f" + ("; plate.size is in metres" if metres else "")
             )
     return bars

@@ -27,8 +27,8 @@ def check(path: Path) -> None:
             import imageio_ffmpeg  # noqa: F401
         except ImportError:
             raise SceneError(
-                f"--movie {path}: needs the encoder of `pip install 'taichi-ldem[movie]'`; "
-                "a .gif does not"
+                f"--movie {path}: needs the encoder of `pip install imageio-ffmpeg` (the extra "
+                "[movie]); a .gif does not"
             ) from None
 
 

@@ -78,13 +78,13 @@ class Need:
 
 _LDEM = ("-m", "taichi_ldem.cli")
 _RESUME = (*_LDEM, "resume", "{out}", "--quiet")
-_FIVE = ("--set", "plate.modules_through_thickness=5", "--precision", "f32")
+# Single precision and four fifths of the critical time step spare most of the time of thirteen runs
+# and of a first look (docs/error-vs-run-time.md has what that costs).
+_FASTER = ("--precision", "f32", "--set", "solver.safety=0.8")
+_FIVE = ("--set", "plate.modules_through_thickness=5", *_FASTER)
 _TO_OUT = ("--out", "{out}", "--quiet", "--force")
 _STUDY = ("-m", "taichi_ldem.studies.bending", "configs/bend.toml", "{out}", "--spacings", "5e-4")
 
-# Thirteen runs: single precision and four fifths of the critical time step spare most of their time
-# (docs/error-vs-run-time.md has what that costs).
-_FASTER = ("--precision", "f32", "--set", "solver.safety=0.8")
 _MANY = (
     *(*_LDEM, "ensemble", "configs/impact_measured_strength.toml", "--cv", CVS),
     *("--seeds", "0:4", *_FASTER),
@@ -120,6 +120,7 @@ NEEDS: dict[str, Need] = {
         Need(
             "ensemble",
             (*_MANY, *_TO_OUT[:-1]),
+            ("--seeds", "0:2"),
             quick_scene="configs/impact_quick.toml",
             done="ensemble.json",
             resume=(*_MANY, *_TO_OUT[:-1], "--resume"),
@@ -665,8 +666,9 @@ def write(
     ]
     if quick:
         parts.append(
-            "\nQuick: five modules through the thickness and f32 for the homogeneous specimen, "
-            "half the specimen with three modules for the random ones, coarser lattices elsewhere. "
+            "\nQuick: five modules through the thickness, f32 and 0.8 of the critical step for "
+            "the homogeneous specimen, half the specimen with three modules and two seeds for the "
+            "random ones, coarser lattices elsewhere. "
             "For a first look, not for comparison.\n"
         )
     for item in items:

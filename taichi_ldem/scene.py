@@ -40,6 +40,7 @@ NO_DURATION = 1.0  # s, of a scene that does not step in time
 LARGEST_CV = 1.5
 LARGEST_PERTURBATION = 0.25  # two nodes that come closer by half an edge leave 0.42 of a diagonal
 FEWEST_DATA = 3  # values that a distribution can be fitted to
+LARGEST_SIDE = 10.0  # m; more is taken for millimetres
 DISORDERED = ("fracture_energy", "youngs_modulus", "density")
 """Properties that may vary, in the order of their random streams: never reorder."""
 ROUNDING = 0.01  # largest relative change of a side that is rounded to whole modules
@@ -187,12 +188,13 @@ class Plate(_Table):
         if not total <= MAX_MODULES:
             why = f"must give at most {MAX_MODULES} modules in all, not {total:.3g}"
             raise _refuse("plate.modules_through_thickness", count, why)
-        for axis, side, actual in zip("xy", self.size, self.actual_size, strict=False):
-            if not self.angle and abs(actual - side) > ROUNDING * side:
-                below = math.floor(side / spacing)
-                fits = " or ".join(f"{n * spacing:.6g}" for n in (below, below + 1) if n > 0)
-                why = f"side {axis} must be a whole number of modules of {spacing:.6g} m: {fits}"
-                raise _refuse("plate.size", self.size, why)
+        for number, side in enumerate(self.size):
+            if side > LARGEST_SIDE:
+                why = (
+                    f"sides are in metres and at most {LARGEST_SIDE:g} m long; {side:g} millimetres"
+                    f" are {side / 1000:g}"
+                )
+                raise _refuse(f"plate.size[{number}]", side, why)
         self._check_disc()
         self._check_dumbbell()
         return self
@@ -290,6 +292,14 @@ class Material(_Table):
         if self.limit_strain is not None and strain is not None and self.limit_strain < strain:
             why = f"must be at least material.failure_strain = {strain!r}"
             raise _refuse("material.limit_strain", self.limit_strain, why)
+        if self.failure_factor is not None:
+            derived = self.failure_factor * math.sqrt(self.fracture_energy / self.youngs_modulus)
+            if derived >= 1:
+                why = (
+                    f"gives a peak strain eps_p = R_f sqrt(G_f / E) = {derived:.4g}, which must be "
+                    "less than 1; give SI units: E in Pa, G_f in J/m2, R_f in m^-1/2"
+                )
+                raise _refuse("material.youngs_modulus", self.youngs_modulus, why)
         return self
 
 
@@ -591,6 +601,7 @@ class Scene(_Table):
 
     @model_validator(mode="after")
     def _check(self) -> "Scene":
+        self._check_sides()
         self._check_disorder()
         self._check_clamp()
         self._check_striker()
@@ -606,6 +617,20 @@ class Scene(_Table):
             output = self.output.model_copy(update={"field_interval": self._field_interval})
             object.__setattr__(self, "output", output)
         return self
+
+    def _check_sides(self) -> None:
+        plate, spacing = self.plate, self.plate.spacing
+        for axis, side, actual in zip("xy", plate.size, plate.actual_size, strict=False):
+            if plate.angle or abs(actual - side) <= ROUNDING * side:
+                continue
+            if self.scenario != "modes":  # which has no damage
+                from taichi_ldem.material import check
+
+                check(self)  # before sides are fitted to modules that are too coarse
+            below = math.floor(side / spacing)
+            fits = " or ".join(f"{n * spacing:.6g}" for n in (below, below + 1) if n > 0)
+            why = f"side {axis} must be a whole number of modules of {spacing:.6g} m: {fits}"
+            raise _refuse("plate.size", plate.size, why)
 
     def _check_disorder(self) -> None:
         length = self.disorder.correlation_length if self.disorder is not None else 0.0
@@ -760,7 +785,10 @@ class Scene(_Table):
                 raise _refuse("output.filter_frequencies", cutoff, why)
         for time in output.image_times:
             if time > end:
-                why = f"must lie between 0 and solver.duration = {end!r}"
+                why = (
+                    f"must lie between 0 and solver.duration = {end!r}; without snapshots: "
+                    '--set "output.image_times=[]"'
+                )
                 raise _refuse("output.image_times", time, why)
 
     def _check_notch(self, key: str, notch: Notch) -> None:
@@ -946,6 +974,46 @@ def _tables() -> list[str]:
 
 # --- messages -------------------------------------------------------------------------------------
 
+NATURAL = {
+    "thickness": "plate.size = [x, y, thickness]",
+    "height": "plate.size = [x, y, thickness]",
+    "width": "plate.size = [x, width, thickness]",
+    "length": "plate.size = [length, y, thickness]",
+    "modules": "plate.modules_through_thickness",
+    "module_size": "plate.modules_through_thickness (the edge is the thickness over it)",
+    "spacing": "plate.modules_through_thickness (the edge is the thickness over it)",
+    "e": "material.youngs_modulus",
+    "modulus": "material.youngs_modulus",
+    "nu": "material.poisson_ratio",
+    "rho": "material.density",
+    "g_f": "material.fracture_energy",
+    "gf": "material.fracture_energy",
+    "r_f": "material.failure_factor",
+    "eps_p": "material.failure_strain",
+    "eps_r": "material.limit_strain",
+    "strength": "material.failure_strain (strength over youngs_modulus)",
+    "speed": "striker.velocity",
+    "radius": "a diameter, twice the radius",
+    "g": "striker.gravity",
+    "dt": "solver.time_step",
+    "end": "solver.duration",
+    "end_time": "solver.duration",
+    "time": "solver.duration",
+}
+"""What a key is called by those who do not know its name, and what stands for it."""
+
+
+def key_for(word: str) -> str | None:
+    """The key of a scene, "section.key", that an option of this name was most likely meant for."""
+    name = word.lstrip("-").replace("-", "_").lower()
+    meant = NATURAL.get(name, "").partition(" ")[0]
+    if meant.count("."):
+        return meant
+    for table in _tables():
+        if name in _table_at((table,)).model_fields:
+            return f"{table}.{name}"
+    return None
+
 
 def _explain(fault: ErrorDetails, data: object) -> str:
     """One pydantic error as one line: key, value, and what would be right."""
@@ -965,7 +1033,9 @@ def _unknown(location: tuple[int | str, ...]) -> str:
     key = _key(location)
     table = _table_at(location[:-1])
     names = [field.alias or name for name, field in table.model_fields.items()]
-    return f"unknown key '{key}'; {_nearest(str(location[-1]), names)}"
+    word = str(location[-1])
+    meant = NATURAL.get(word.lower()) if word not in names else None
+    return f"unknown key '{key}'; {f'give {meant}' if meant else _nearest(word, names)}"
 
 
 def _missing(location: tuple[int | str, ...], data: object) -> str:

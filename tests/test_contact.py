@@ -1,3 +1,4 @@
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -6,6 +7,7 @@ from blocks import PMMA, SPACING, block_scene, restart
 from reference import Body
 
 from taichi_ldem import material as mat
+from taichi_ldem.lattice import Lattice, prism
 
 if TYPE_CHECKING:
     from taichi_ldem.simulation import Simulation
@@ -228,6 +230,22 @@ def test_several_steps_a_launch_are_the_same_steps(taichi: None) -> None:
 
 
 # -- bonded faces ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("modules", [3, 4, 6])
+def test_bonded_rings_hold_both_faces_in_either_precision(modules: int) -> None:
+    from taichi_ldem.contact import Rings
+
+    lattice = Lattice(prism(10, 10, modules), 3.2e-3 / modules)
+    rounded = float(np.float32(lattice.spacing))  # what f32 computes with
+    numbers = (2 * lattice.spacing, 4 * lattice.spacing, modules * rounded)
+    dynamics = SimpleNamespace(lattice=lattice, spacing=rounded)
+    fixed = Rings._fixed(dynamics, numbers, through=False)  # type: ignore[arg-type]
+    z = lattice.positions()[..., 2].ravel()[fixed]
+    below, above = np.count_nonzero(z == 0.0), np.count_nonzero(z > 3.1e-3)
+    # corners with 4 <= i^2 + j^2 <= 16: 49 - 9 points of the plane's integers within 4, 1 of 2
+    assert below == above == 40
+    assert below + above == len(fixed)
 
 
 def test_bonded_nodes_stay_and_take_what_the_striker_gives(taichi: None) -> None:

@@ -5,6 +5,7 @@ import itertools
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -171,6 +172,28 @@ def _check_files(words: list[str]) -> None:
 def test_what_does_not_exist_is_caught(line: str) -> None:
     with pytest.raises((AssertionError, pytest.fail.Exception)):
         test_commands_exist("page", line.split())
+
+
+@pytest.mark.skipif(shutil.which("make") is None, reason="no make")
+def test_make_help_lists_every_target() -> None:
+    done = subprocess.run(["make", "help"], cwd=ROOT, capture_output=True, text=True, check=True)
+    listed = {line.split()[0] for line in done.stdout.splitlines() if len(line.split()) > 2}
+    phony = re.search(r"^\.PHONY: (.*)$", (ROOT / "Makefile").read_text(), flags=re.M)
+    assert phony is not None
+    assert listed == set(phony[1].split())
+
+
+def test_the_environment_of_make_impact_has_what_the_commands_of_the_readme_need() -> None:
+    made = (ROOT / "Makefile").read_text()
+    for extra in ("report", "movie"):
+        assert re.search(rf"-e '\.\[[a-z,]*{extra}[a-z,]*\]'", made), extra
+
+
+def test_every_scene_is_named_in_the_docs() -> None:
+    text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    unnamed = [file.name for file in (ROOT / "configs").glob("*.toml") if file.name not in text]
+    # `configs/a_cv10.toml`, `_cv25`
+    assert [name for name in unnamed if f"`_{name.rpartition('_')[2][:-5]}`" not in text] == []
 
 
 def test_cheap_commands_run() -> None:

@@ -7,12 +7,14 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from taichi_ldem.backend import vulkan_device
 from taichi_ldem.cracks import measure_run
+from taichi_ldem.scenarios import runner
 from taichi_ldem.store import RunFolder, read_broken_bars, read_fields
 
 SCENE = """
@@ -221,6 +223,19 @@ def test_ctrl_c_keeps_what_was_computed(scene: Path) -> None:
     assert not (out / "summary.json").exists()
 
 
+def test_zeros_have_no_sign(finished: RunFolder) -> None:
+    assert "-0.0" not in finished.history_file.read_text().replace("\n", ",").split(",")
+    names = ("kinetic_plate", "kinetic_striker", "strain", "fracture", "damping", "contact")
+    ledger = SimpleNamespace(**dict.fromkeys((*names, "external"), -0.0))
+    parts = ("striker_displacement", "striker_velocity", "striker_force", "ring_force")
+    parts += ("grip_displacement", "grip_force", "gauge_strain", "gauge_lateral_strain")
+    zeros = dict.fromkeys((*parts, "support_force", "time", "energy_error"), -0.0)
+    values = runner.row(SimpleNamespace(ledger=ledger, broken_bars=0, **zeros))  # type: ignore
+    assert {str(value) for value in values.values()} == {"0.0", "0"}
+    assert runner._newtons(-0.04) == "    0.0"
+    assert runner._newtons(-0.06) == "   -0.1"
+
+
 def test_what_a_scene_leaves_out_is_left_out(scene: Path) -> None:
     bare = scene.parent / "bare.toml"
     text = SCENE[: SCENE.index("[striker]")] + SCENE[SCENE.index("[solver]") :]
@@ -231,8 +246,8 @@ def test_what_a_scene_leaves_out_is_left_out(scene: Path) -> None:
     names = ["time_s", "kinetic_plate_j", "strain_j", "energy_error"]
     assert list(RunFolder.open(out).read_history()) == names
     assert json.loads((out / "summary.json").read_text())["first_peak_force_n"] is None
-    told = ldem("info", str(bare)).stdout
-    whole = ldem("info", str(scene)).stdout
+    told = ldem("info", str(bare), "--fields").stdout
+    whole = ldem("info", str(scene), "--fields").stdout
     for field in ("peak", "touched", "recorded", "striker.nodes", "rings.nodes"):
         assert field in whole
         assert field not in told

@@ -87,11 +87,23 @@ def test_too_coarse_a_lattice_is_refused_with_the_number_of_modules_that_would_d
     with pytest.raises(SceneError, match=r"K_r = 0\.8.* at most, at least 8 modules") as refusal:
         _plate(6, **strain)
     assert "\n" not in str(refusal.value)
+    assert "too coarse for them to soften" in str(refusal.value)
+    with pytest.raises(SceneError, match=r"^x\.toml: plate\.modules"):
+        mat.check(block_scene(9, 9, 3, spacing=2e-3, material=PAPER.model_dump()), "x.toml")
     with pytest.raises(SceneError, match="at least 8 modules"):
         _plate(7, **strain)
     assert min(_plate(8, **strain).longitudinal.ductility, 9) >= 1
     assert _plate(6, **strain, limit_strain=0.0224).longitudinal.ductility == 1.0
     assert _plate(6, **strain, damage=False).longitudinal.peak_strain == 0.0
+
+
+def test_the_limit_strain_of_the_refusal_is_admitted() -> None:
+    # R_f 60: eps_p = 60 sqrt(1034 / 3.35e9) = 0.03333413, which five digits round down
+    factor = {"failure_factor": 60.0}
+    with pytest.raises(SceneError, match=r"limit_strain >= 0\.0\d+,") as refusal:
+        _plate(6, **factor)
+    advised = str(refusal.value).partition("limit_strain >= ")[2].partition(",")[0]
+    assert _plate(6, **factor, limit_strain=float(advised)).longitudinal.ductility >= 1
 
 
 def test_characteristic_length_of_eq_9() -> None:

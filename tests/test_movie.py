@@ -1,5 +1,6 @@
 """Shots and movies of a run, on a run folder made from formulas."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from synthetic import synthetic_run
 
 from taichi_ldem.backend import vulkan_device
 from taichi_ldem.cli import main
-from taichi_ldem.movie import _palette, _write_gif
+from taichi_ldem.movie import _palette, _write_gif, check
 from taichi_ldem.render import Shot, _view_of, parse_section, speed, strain_energy
 from taichi_ldem.scene import SceneError
 from taichi_ldem.store import Fields, RunFolder, hexahedral_mesh
@@ -143,3 +144,10 @@ def test_a_gif_keeps_the_colour_of_small_things():
     shown = picture.quantize(palette=_palette([picture]), dither=Image.Dither.NONE).convert("RGB")
     assert np.abs(np.asarray(shown)[11, 11].astype(int) - (60, 120, 190)).max() < 10
     assert np.abs(np.asarray(shown).astype(int) - image).max() < 10
+
+
+def test_a_missing_encoder_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(SceneError, match="pip install imageio-ffmpeg"):
+        check(tmp_path / "movie.mp4")
+    check(tmp_path / "movie.gif")

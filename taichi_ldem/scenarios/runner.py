@@ -70,7 +70,7 @@ def columns(scene: Scene) -> list[str]:
 def row(sample: "Sample") -> dict[str, float | int | None]:
     """A sample under the names of the history's columns."""
     ledger = sample.ledger
-    return {
+    values = {
         "time_s": sample.time,
         "striker_displacement_m": sample.striker_displacement,
         "striker_velocity_m_s": sample.striker_velocity,
@@ -91,6 +91,17 @@ def row(sample: "Sample") -> dict[str, float | int | None]:
         "energy_error": sample.energy_error,
         "broken_bars": sample.broken_bars,
     }
+    return {name: _plain(value) for name, value in values.items()}
+
+
+def _plain(value: float | int | None) -> float | int | None:
+    """The value; 0 for the negative zero of a force that is turned round."""
+    return 0.0 if isinstance(value, float) and value == 0 else value
+
+
+def _newtons(force: float) -> str:
+    """A force to a tenth, without the sign of a zero."""
+    return f"{round(force, 1) + 0.0:7.1f}"
 
 
 class FieldOutput:
@@ -482,7 +493,7 @@ def _announce(
     lattice = simulation.dynamics.lattice
     for name, value in implied(scene).items():
         console.print(f"{name:36s}{value}")
-    for line in warnings(scene):
+    for line in warnings(scene, simulation.steps):
         console.print(f"note: {line}")
     samples = simulation.steps // simulation.sample_every + 1
     disk = 250 * samples + fields.bytes_per_time * len(scene.field_times)
@@ -516,7 +527,7 @@ def _progress(console: Console, simulation: "Simulation") -> Iterator[Any]:
 
     def text(sample: "Sample") -> str:
         given = sample.striker_force if sample.grip_force is None else sample.grip_force
-        force = "" if given is None else f"  F {given:7.1f} N"
+        force = "" if given is None else f"  F {_newtons(given)} N"
         return (
             f"t {1e3 * sample.time:8.4f} ms  step {sample.step:7d}{force}  "
             f"broken {sample.broken_bars:7d}  energy error {sample.energy_error:.1e}"
