@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,23 +17,36 @@ if TYPE_CHECKING:
 _MS = 1e3
 _MM = 1e3
 _RADIAL, _CIRCULAR = "C3", "C0"
+_DARKEST = 5.0  # of the grey scale; what is cracked deeply has 3, what is less so 1
 
 
-def overlay(figure: Figure, cracks: Cracks) -> None:
-    """Radial cracks at t2 beside the circular crack at the end, both from below."""
+def overlay(
+    figure: Figure,
+    cracks: Cracks,
+    outlines: Callable[[Axes], None] = lambda axes: None,
+    least: float = 0.0,
+) -> None:
+    """Radial cracks at t2 beside the circular crack at the end, both from below.
+
+    Args:
+        outlines: draws what is around the cracks.
+        least: half of the side of what is shown, at least, m.
+    """
     left, right = figure.subplots(1, 2)
     for axes, dark, pale, until in (
         (left, cracks.map, cracks.faint, cracks.radial_time),
         (right, cracks.through, cracks.map, math.inf),
     ):
         _draw_map(axes, dark, pale, until)
-        _zoom(axes, cracks)
+        outlines(axes)
+        _zoom(axes, cracks, least)
+        axes.set_anchor("N")
     _draw_radial(left, cracks)
     _draw_circular(right, cracks)
     for axes, depths in ((left, ("third", "sixth")), (right, ("two thirds", "third"))):
-        for shade, depth in zip((0.45, 0.82), depths, strict=True):
+        for shade, depth in zip(_shades(), depths, strict=True):
             text = f"cracked to {'' if 'two' in depth else 'a '}{depth} of the thickness"
-            axes.plot([], [], "s", color=str(shade), markersize=9, label=text)
+            axes.plot([], [], "s", color=shade, markersize=9, label=text)
     for axes in (left, right):
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.09), fontsize=12)
 
@@ -47,7 +60,9 @@ def growth(figure: Figure, cracks: Cracks, area: np.ndarray[Any, Any]) -> tuple[
     upper, middle, lower = figure.subplots(3, 1, sharex=True)
     grown = cracks.growth
     time = _MS * grown.time
-    upper.plot(time, _MM * grown.tip_radius, color=_RADIAL, label="furthest radial tip")
+    until = "until $t_2$ (energy)" if cracks.at_failure else "until the end"
+    label = f"furthest radial tip, {until}"
+    upper.plot(time, _MM * grown.tip_radius, color=_RADIAL, label=label)
     mean = cracks.mean_speed
     if mean is not None:
         known = np.isfinite(grown.tip_radius)
@@ -56,8 +71,6 @@ def growth(figure: Figure, cracks: Cracks, area: np.ndarray[Any, Any]) -> tuple[
         upper.plot(
             time[known], fitted, "--", color="0.4", lw=1.2, label=f"straight line: {mean:.1f} m/s"
         )
-    upper.axvline(_MS * cracks.radial_time, color="C0", linestyle=":", label="map of radial cracks")
-    upper.legend(loc="upper left", fontsize=12)
     upper.set_ylabel("distance from the\nstriker's axis [mm]")
     middle.plot(time, grown.tip_speed, color=_RADIAL, linewidth=1.2)
     middle.set_ylabel("speed of that tip\nover 0.2 ms [m/s]")
@@ -66,11 +79,13 @@ def growth(figure: Figure, cracks: Cracks, area: np.ndarray[Any, Any]) -> tuple[
     lower.set_ylim(bottom=0.0)
     beside = lower.twinx()
     beside.grid(False)
-    beside.plot(time, _MM * grown.length, color="C2", linewidth=1.2, label="length of all cracks")
+    label = "length of all cracks, without the core under the striker"
+    beside.plot(time, _MM * grown.length, color="C2", linewidth=1.2, label=label)
     beside.set_ylabel("crack length [mm]")
     beside.set_ylim(bottom=0.0)
-    lines = [*lower.lines, *beside.lines]
-    lower.legend(lines, [str(line.get_label()) for line in lines], loc="upper left", fontsize=12)
+    lines = [*upper.lines, *lower.lines, *beside.lines]
+    labels = [str(line.get_label()) for line in lines]
+    figure.legend(lines, labels, loc="outside lower center", ncols=2, fontsize=12)
     lower.set_xlabel("time [ms]")
     return upper, middle, lower
 
@@ -100,7 +115,7 @@ def sheet(figure: Figure, rows: Panels, *, final: bool) -> None:
         lowest = max(n for n, (_, panels) in enumerate(rows) if len(panels) > column)
         grid[lowest][column].set_xlabel("x [mm]")
         grid[lowest][column].tick_params(labelbottom=True)
-    when = "at the end" if final else "at $t_2$ (or at the end, without failure)"
+    when = "at the end" if final else "at $t_2$ (energy), or at the end without failure"
     figure.suptitle(f"Cracks from below {when}", fontsize=15)
     _sheet_legend(figure, final)
 
@@ -120,10 +135,12 @@ def _draw_panel(axes: Axes, text: str, cracks: Cracks | None, *, final: bool) ->
         circle, name = cracks.radial_circle, "$d_r$"
         for crack in cracks.radial:
             axes.plot(*(_MM * crack.tip), "o", markeredgecolor="white", markersize=7, **style)
-        parts.append(f"{len(cracks.radial)} radial cracks at {_MS * cracks.radial_time:.2f} ms")
+        when = f"at {_MS * cracks.radial_time:.2f} ms" if cracks.at_failure else "at the end"
+        parts.append(f"{len(cracks.radial)} radial cracks {when}")
     if circle is not None:
         axes.plot(*_circle_points(circle), "--", linewidth=1.6, **style)
     size = "no circle" if circle is None else f"{name} = {_MM * circle.diameter:.1f} mm"
+    size += "" if final or cracks.at_failure else ", no failure"
     share = f", {100 * cracks.circular_coverage:.0f} % of the turn" if final else ""
     axes.set_title("\n".join([*parts, size + share]), fontsize=12)
     axes.set(xlabel="", ylabel="")
@@ -134,9 +151,9 @@ def _sheet_legend(figure: Figure, final: bool) -> None:
 
     deep, less = ("two thirds", "a third") if final else ("a third", "a sixth")
     handles: list[Line2D] = []
-    for shade, depth in ((0.45, deep), (0.82, less)):
+    for shade, depth in zip(_shades(), (deep, less), strict=True):
         text = f"cracked to {depth} of the thickness"
-        handles.append(Line2D([], [], ls="", marker="s", color=str(shade), ms=9, label=text))
+        handles.append(Line2D([], [], ls="", marker="s", color=shade, ms=9, label=text))
     color, name = (_CIRCULAR, "circular crack, $d_c$") if final else (_RADIAL, "tips, $d_r$")
     if not final:
         text = "tips of the radial cracks"
@@ -156,7 +173,7 @@ def _draw_map(axes: Axes, dark: CrackMap, pale: CrackMap, until: float) -> None:
         origin="lower",
         cmap="Greys",
         vmin=0.0,
-        vmax=6.0,
+        vmax=_DARKEST,
         interpolation="nearest",
     )
     axes.grid(False)
@@ -164,9 +181,16 @@ def _draw_map(axes: Axes, dark: CrackMap, pale: CrackMap, until: float) -> None:
     axes.plot(*(_MM * dark.axis), "k+", markersize=12, label="striker's axis")
 
 
-def _zoom(axes: Axes, cracks: Cracks) -> None:
+def _shades() -> tuple[Any, Any]:
+    """Colours of what is cracked deeply and less deeply."""
+    from matplotlib import colormaps
+
+    return colormaps["Greys"](3 / _DARKEST), colormaps["Greys"](1 / _DARKEST)
+
+
+def _zoom(axes: Axes, cracks: Cracks, least: float) -> None:
     """Both panels show the same square around all cracks, from below: x points to the left."""
-    half = _reach(cracks)
+    half = max(_reach(cracks), _MM * least)
     x, y = _MM * cracks.map.axis
     axes.set_xlim(x + half, x - half)
     axes.set_ylim(y - half, y + half)
@@ -198,9 +222,9 @@ def _draw_radial(axes: Axes, cracks: Cracks) -> None:
             fontsize=14,
         )
     _draw_circle(axes, cracks.radial_circle, _RADIAL, "$d_r$")
-    axes.set_title(
-        f"{len(cracks.radial)} radial cracks at {_MS * cracks.radial_time:.2f} ms, from below"
-    )
+    when = "$t_2$ (energy)" if cracks.at_failure else "the end, without failure"
+    at = f"{_MS * cracks.radial_time:.2f} ms"
+    axes.set_title(f"{len(cracks.radial)} radial cracks at {when}, {at}, from below")
 
 
 def _draw_circular(axes: Axes, cracks: Cracks) -> None:
@@ -220,7 +244,8 @@ def _draw_circle(axes: Axes, circle: Circle | None, color: str, name: str) -> No
     x, y, diameter = _MM * circle.x, _MM * circle.y, _MM * circle.diameter
     label = f"{name} = {diameter:.1f} mm, points within {_MM * circle.scatter:.1f} mm (rms)"
     axes.plot(*_circle_points(circle), "--", color=color, label=label)
-    axes.plot(x, y, "x", color=color, markersize=9, label=f"its centre ({x:.1f}, {y:.1f}) mm")
+    place = ", ".join(f"{round(v, 1) + 0.0:.1f}" for v in (x, y))  # no "-0.0"
+    axes.plot(x, y, "x", color=color, markersize=9, label=f"its centre ({place}) mm")
 
 
 def _circle_points(circle: Circle) -> np.ndarray[Any, Any]:

@@ -161,6 +161,11 @@ class Cracks:
     growth: Growth
 
     @property
+    def at_failure(self) -> bool:
+        """Whether radial cracks are counted at failure, rather than at the end without one."""
+        return bool(len(self.growth.time)) and self.radial_time < float(self.growth.time[-1])
+
+    @property
     def mean_speed(self) -> float | None:
         """Slope of a straight line through the furthest tip's radius over time, m/s, or None."""
         known = np.isfinite(self.growth.tip_radius)

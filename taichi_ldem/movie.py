@@ -13,6 +13,7 @@ from taichi_ldem.scene import SceneError
 from taichi_ldem.store import RunFolder
 
 SUFFIXES = (".mp4", ".gif")
+_COLOURS, _COLOURED = 192, 25  # of a GIF; how far apart red, green and blue of a colour are
 HOLD_S = 1.0
 """How long a movie stays on its last picture, s."""
 
@@ -98,8 +99,7 @@ def _write_gif(path: Path, pictures: list[Path], fps: float, width: int) -> None
 
     images = [load(picture, width) for picture in pictures]
     # one palette for all: what does not change is then stored once
-    some = images[:: max(1, len(images) // 6)] + images[-1:]
-    palette = Image.fromarray(np.concatenate([np.asarray(i) for i in some])).quantize(128)
+    palette = _palette(images[:: max(1, len(images) // 6)] + images[-1:])
     frames = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     durations = [round(1e3 / fps)] * len(frames)
     durations[-1] = round(1e3 * HOLD_S)
@@ -112,3 +112,14 @@ def _write_gif(path: Path, pictures: list[Path], fps: float, width: int) -> None
         optimize=True,
         disposal=1,
     )
+
+
+def _palette(images: list[Any]) -> Any:
+    """A palette for some images, in which small coloured things count as much as the grey plate."""
+    from PIL import Image
+
+    pixels = np.concatenate([np.asarray(image).reshape(-1, 3) for image in images])
+    coloured = pixels[np.ptp(pixels.astype(int), axis=1) > _COLOURED]
+    if len(coloured):
+        pixels = np.concatenate([pixels, np.resize(coloured, (len(pixels), 3))])
+    return Image.fromarray(pixels[None]).quantize(_COLOURS)

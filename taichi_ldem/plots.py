@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,7 @@ STYLE: dict[Any, Any] = {
 }
 
 _E_PA, _STRENGTH_PA, _SCATTER = 3.35e9, 75e6, 0.15  # its tension tests, Section 3.2
+RING_SIGN = ", positive upwards"
 _BEAM_WINDOW = 60e-6  # smooths the swinging of a beam of the paper's size between its contacts
 
 
@@ -161,26 +162,31 @@ def _draw_force(figure: Figure, run: _Run) -> None:
         filtered = low_pass(time, force, cutoff, run.number("first_peak_time_s"))
         label = f"striker, low-pass at {cutoff / 1e3:g} kHz after $t_1$"
         axes.plot(run.time_ms, filtered, f"C{(1, 4, 5, 6)[number % 4]}", linewidth=2.0, label=label)
-    lowest = min(0.0, force.min())
+    shown = [force if run.is_beam else smooth]  # a beam swings rather than rattles
     for name in ("ring", "support"):
         if f"{name}_force_n" in run.history:
             other = smooth_force(time, run.history[f"{name}_force_n"], run.window)
-            axes.plot(run.time_ms, other, color="C2", lw=1.0, label=f"{name}s, {average}")
-            lowest = min(lowest, other.min())
+            label = f"{name}s, {average}{RING_SIGN if name == 'ring' else ''}"
+            axes.plot(run.time_ms, other, color="C2", lw=1.0, label=label)
+            shown.append(other)
+    axes.axhline(0.0, color="0.4", linewidth=0.8)
     _mark_peaks(axes, run)
-    _mark_times(axes, run)
+    _mark_times(axes, run, "force")
     if run.is_papers_test:
         _mark_papers_force(axes)
-    # Single samples may run out of the picture rather than flatten the curve; a note tells.
-    top = 1.25 * max(smooth.max(), P2_N[1] if run.is_papers_test else 1e-9)
-    if run.is_beam:  # which swings rather than rattles
-        top = 1.05 * max(force.max(), 1e-9)
-    bottom = max(1.05 * lowest, -0.15 * top)
-    axes.set_ylim(bottom, top)
-    if force.max() > top or force.min() < bottom:
-        note = f"samples reach from {force.min():.0f} to {force.max():.0f} N"
-        axes.text(0.99, 0.02, note, transform=axes.transAxes, ha="right", color="0.5", fontsize=11)
+        shown.append(np.array(P2_N))
+    _fit_force(axes, np.concatenate(shown), force)
     _finish(figure, run)
+
+
+def _fit_force(axes: Axes, shown: Series, sampled: Series) -> None:
+    """Limits that hold all curves; single samples may run out of the picture, a note tells."""
+    low, high = min(0.0, float(shown.min())), max(float(shown.max()), 1e-9)
+    bottom, top = low - 0.05 * (high - low), high + 0.08 * (high - low)
+    axes.set_ylim(bottom, top)
+    if sampled.max() > top or sampled.min() < bottom:
+        note = f"samples reach from {sampled.min():.0f} to {sampled.max():.0f} N"
+        axes.set_title(note, loc="right", color="0.5", fontsize=11, y=-0.14)
 
 
 def _draw_force_displacement(figure: Figure, run: _Run) -> None:
@@ -205,15 +211,15 @@ def _draw_force_displacement(figure: Figure, run: _Run) -> None:
 
 
 def _mark_peaks(axes: Axes, run: _Run) -> None:
-    paper = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
-    for name, peak, at in (
-        ("$P_1$", run.number("first_peak_force_n"), run.number("first_peak_time_s")),
-        ("$P_2$", run.number("second_peak_force_n"), run.number("second_peak_time_s")),
+    """The peaks as points; their values stand in the legend, where they hide no curve."""
+    for name, shape, peak, at in (
+        ("$P_1$", "o", run.number("first_peak_force_n"), run.number("first_peak_time_s")),
+        ("$P_2$", "s", run.number("second_peak_force_n"), run.number("second_peak_time_s")),
     ):
         if peak is not None and at is not None:
-            place, label = (_MS * at, peak), f"{name} = {peak:.0f} N"
-            axes.plot(*place, "o", color="C0", markeredgecolor="white", markersize=9)
-            axes.annotate(label, place, (8, 12), textcoords="offset points", bbox=paper, zorder=5)
+            label = f"{name} = {peak:.0f} N at {_MS * at:.2f} ms"
+            style: dict[str, Any] = {"color": "C0", "markeredgecolor": "white", "markersize": 9}
+            axes.plot(_MS * at, peak, shape, label=label, zorder=5, linestyle="none", **style)
 
 
 def _mark_papers_force(axes: Axes) -> None:
@@ -233,7 +239,7 @@ def _draw_velocity(figure: Figure, run: _Run) -> None:
     axes = figure.add_subplot(xlabel="time [ms]", ylabel="striker velocity [m/s]")
     velocity = run.history["striker_velocity_m_s"]
     axes.plot(run.time_ms, velocity, color="C0", label="striker, positive towards the plate")
-    _mark_times(axes, run)
+    _mark_times(axes, run, "velocity")
     if run.is_papers_test:
         label = f"experiments, largest velocity at ~{_MS * V_MAX_S:g} ms"
         axes.axvline(_MS * V_MAX_S, color="C3", linestyle=":", linewidth=1.5, label=label)
@@ -250,7 +256,7 @@ def _draw_energy(figure: Figure, run: _Run) -> None:
         upper.plot(run.time_ms, energy, style, label=label)
     upper.set_ylabel("energy [J]")
     lower.set_title("imbalance of energies over initial energy and external work", fontsize=12)
-    _mark_times(upper, run)
+    _mark_times(upper, run, "energy")
     error = np.abs(run.history["energy_error"])
     lower.semilogy(run.time_ms, np.where(error > 0, error, np.nan), color="black", linewidth=1.0)
     lower.set_ylabel("|error| [-]")
@@ -374,7 +380,10 @@ def _draw_cracks(figure: Figure, run: _Run) -> None:
     from taichi_ldem.crack_plots import overlay
 
     assert run.cracks is not None
-    overlay(figure, run.cracks)
+    clamp = run.scene.clamp
+    inner = clamp.inner_diameter if clamp is not None and run.scene.held else None
+    outlines = partial(_draw_outlines, scene=run.scene, legend=False)
+    overlay(figure, run.cracks, outlines, 0.55 * (inner or 0.0))
 
 
 def _draw_crack_growth(figure: Figure, run: _Run) -> None:
@@ -384,9 +393,9 @@ def _draw_crack_growth(figure: Figure, run: _Run) -> None:
     assert run.cracks is not None
     bars = read_broken_bars(run.folder.fields_file)
     area = broken_area(bars, run.scene, run.history["time_s"])
-    for axes in growth(figure, run.cracks, area):
+    for number, axes in enumerate(growth(figure, run.cracks, area)):
         axes.set_xlim(0.0, float(run.time_ms[-1]))
-        _mark_times(axes, run)
+        _mark_times(axes, run, "energy", named=number == 0)
 
 
 def _broken_share(
@@ -406,7 +415,7 @@ def _broken_share(
     return counts / 14
 
 
-def _draw_outlines(axes: Axes, scene: Scene) -> None:
+def _draw_outlines(axes: Axes, scene: Scene, *, legend: bool = True) -> None:
     """The specimen's edge and the clamp's inner circle."""
     from matplotlib.patches import Circle, Patch, Polygon, Rectangle
 
@@ -424,8 +433,9 @@ def _draw_outlines(axes: Axes, scene: Scene) -> None:
         angle = np.linspace(0.0, 2.0 * np.pi, 361)
         radius = _MM * clamp.inner_diameter / 2
         label = f"clamp, inner diameter {2 * radius:g} mm"
-        axes.plot(radius * np.cos(angle), radius * np.sin(angle), "C0--", lw=1.2, label=label)
-        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08), fontsize=12)
+        axes.plot(radius * np.cos(angle), radius * np.sin(angle), ":", color="0.3", label=label)
+        if legend:
+            axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08), fontsize=12)
 
 
 def _outline(plate: Plate) -> Series:
@@ -469,25 +479,39 @@ def _draw_supports(axes: Axes, scene: Scene) -> None:
     axes.set_ylim(-1.05 * _MM * supports.diameter, top + 0.1 * height)
 
 
-def _mark_times(axes: Axes, run: _Run) -> None:
-    """The run's damage onset, first peak and failure as thin lines, named above the axes."""
-    for key, name in (
+FAILURES = {
+    "force": ("failure_time_s", "$t_2$ (force)"),
+    "velocity": ("failure_time_velocity_s", "$t_2$ (velocity)"),
+    "energy": ("failure_time_energy_s", "$t_2$ (energy)"),
+}
+"""Key and name of the failure time by what it is read off (``signals``)."""
+_CROWDED = 0.11  # names closer than this share of the axes' width stand in two rows
+
+
+def _mark_times(axes: Axes, run: _Run, failure: str, *, named: bool = True) -> None:
+    """Damage onset, first peak and failure as thin lines, named above the axes.
+
+    Args:
+        failure: what the failure time is read off, of ``FAILURES``.
+    """
+    keys = (
         ("damage_onset_time_s", "onset"),
         ("first_peak_time_s", "$t_1$"),
-        ("failure_time_s", "$t_2$"),
+        FAILURES[failure],
         ("peak_time_s", "peak"),
-    ):
-        at = run.number(key)
-        if at is None:
-            continue
+    )
+    found = sorted((at, name) for key, name in keys if (at := run.number(key)) is not None)
+    last, row = -math.inf, 0
+    for at, name in found:
         axes.axvline(_MS * at, color="0.4", linewidth=0.8)
-        # The onset comes shortly before t1: their names hang to either side.
-        side: Literal["right", "left", "center"] = "center"
-        if name in ("onset", "$t_1$"):
-            side = "right" if name == "onset" else "left"
-        axes.annotate(
-            name, (_MS * at, 1.01), xycoords=("data", "axes fraction"), ha=side, fontsize=12
-        )
+        row = 1 - row if _MS * at - last < _CROWDED * run.time_ms[-1] else 0
+        last = _MS * at
+        if named:
+            place, above = (last, 1.0), (-4 * row, 4 + 16 * row)
+            side = "left" if row else "center"
+            style: dict[str, Any] = {"ha": side, "va": "bottom", "fontsize": 12}
+            xy: Any = ("data", "axes fraction")
+            axes.annotate(name, place, above, xycoords=xy, textcoords="offset points", **style)
 
 
 def _finish(figure: Figure, run: _Run) -> None:
@@ -508,6 +532,6 @@ _FIGURES: tuple[tuple[str, tuple[float, float], _Needs, _Draw], ...] = (
     ("pulse", (9.0, 9.0), _has_pulse, _of_pulse("pulse")),
     ("dispersion", (9.0, 7.0), _has_pulse, _of_pulse("dispersion")),
     ("anisotropy", (12.0, 9.0), _has_pulse, _of_pulse("anisotropy")),
-    ("cracks", (15.0, 10.0), _has_measured_cracks, _draw_cracks),
+    ("cracks", (15.0, 9.7), _has_measured_cracks, _draw_cracks),
     ("crack_growth", (9.0, 8.0), _has_growth, _draw_crack_growth),
 )

@@ -4,7 +4,7 @@ Drawing happens in a child process, in a temporary working directory: a Vulkan d
 takes only the child with it, and GGUI's settings file does not land in the user's directory.  The
 plate is the exterior of its modules at true scale, coloured by the share of a module's bars that
 have failed (or by speed or strain energy); modules that are cut in two or torn are left out, so
-that cracks read as gaps.
+that cracks read as gaps. The striker is laid over it, translucent, with the clamp's circles.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from importlib import import_module
 from pathlib import Path
@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_ldem.backend import vulkan_device
+from taichi_ldem.bodies import Bodies, bodies_at
 from taichi_ldem.scene import Notch, Scene, SceneError, load_scene
 from taichi_ldem.store import Fields, RunFolder, read_fields, read_times
 
@@ -42,6 +43,7 @@ NO_DEVICE = (
 TIMEOUT_S = 120.0
 TIMEOUT_PER_PICTURE_S = 20.0
 _EXIT_NO_DEVICE = 3
+_SAME_TIME_S = 5e-6  # what the pictures' captions tell apart
 
 # Share of failed bars from which a module is not drawn.  A plane between two layers of nodes cuts
 # four edges and four diagonals of a module, 8 of its 20 bars: that module is cut in two.
@@ -64,7 +66,10 @@ _FACES = (
 Colour = Literal["damage", "velocity", "energy"]
 # Colour over the share of failed bars: whole, damaged, about to go.
 _COLOURS = ("#dfe4e8", "#f2c14e", "#d1495b", "#5c0a14")
-_BEHIND = np.array((0.20, 0.25, 0.30))  # RGB far behind a cut
+_BEHIND = np.array((0.72, 0.80, 0.88))  # RGB of faces far behind a cut
+_WALL = np.array((0.50, 0.44, 0.40))  # and of walls of cracks there
+_STRIKER = np.array((0.25, 0.48, 0.75))
+_OPACITY = 0.4  # of the striker
 
 
 # --- the caller's side ----------------------------------------------------------------------------
@@ -111,6 +116,16 @@ class Shot:
     elevation: float | None = None
     section: tuple[str, float] | None = None
     colour: Colour = "damage"
+
+    @property
+    def name(self) -> str:
+        """What is special about it, for a file's name: "above_x0", "below_energy", ..."""
+        parts = [self.view]
+        parts += [] if self.azimuth is None else [f"az{self.azimuth:g}"]
+        parts += [] if self.elevation is None else [f"el{self.elevation:g}"]
+        parts += [] if self.section is None else [f"{self.section[0]}{self.section[1]:g}"]
+        parts += [] if self.colour == "damage" else [self.colour]
+        return "_".join(parts)
 
     def __post_init__(self) -> None:
         for name, value, known in (
@@ -164,14 +179,14 @@ def render_shot(
 def render_shots_into(
     folder: RunFolder, shot: Shot, times: Sequence[float] | None = None
 ) -> list[Path]:
-    """Draw a shot at some times into the run folder, `shot_<ms>ms.png`, as `render_run` does."""
+    """Draw a shot at some times into the run folder, `shot_<ms>ms_<what>.png`, as `render_run`."""
     if times is None:
         stored = read_times(folder.fields_file)
         times = [*load_scene(folder.scene_file).output.image_times, *map(float, stored[-1:])]
     written = []
     with tempfile.TemporaryDirectory() as scratch:
         for time, picture in render_shot(folder, shot, Path(scratch), times):
-            written.append(folder.path / f"shot_{_milliseconds(time)}ms.png")
+            written.append(folder.path / f"shot_{_milliseconds(time)}ms_{shot.name}.png")
             shutil.copyfile(picture, written[-1])
     return written
 
@@ -191,8 +206,22 @@ def _steps(folder: RunFolder, times: Sequence[float] | None) -> list[tuple[int, 
         return []
     if times is None:
         times = [*load_scene(folder.scene_file).output.image_times, float(stored[-1])]
+    _tell_other_times(stored, times)
     nearest = sorted({int(np.abs(stored - time).argmin()) for time in times})
     return [(step, float(stored[step])) for step in nearest]
+
+
+def _tell_other_times(stored: NDArray[np.float64], times: Sequence[float]) -> None:
+    """One line on stderr for each wanted time that is not among the stored ones."""
+    for time in times:
+        near = float(stored[np.abs(stored - time).argmin()])
+        if abs(near - time) > _SAME_TIME_S:
+            wanted, found = _milliseconds(time), _milliseconds(near)
+            print(
+                f"no fields are stored at {wanted} ms: drawn at the nearest time, {found} ms"
+                " (output.field_interval and output.image_times say when they are stored)",
+                file=sys.stderr,
+            )
 
 
 def _pictures(folder: RunFolder, step: tuple[int, float]) -> list[Path]:
@@ -363,7 +392,10 @@ class _Scale:
 def _damage_scale() -> _Scale:
     from matplotlib.colors import LinearSegmentedColormap, Normalize
 
-    note = f"broken bars of a module [%]; modules from {100 * GONE:.0f} % on are not drawn"
+    note = (
+        "broken bars of a module [%]; white or missing: modules with "
+        f"{100 * GONE:.0f} % or more of their bars broken, still in the model"
+    )
     colours = LinearSegmentedColormap.from_list("broken", _COLOURS)
     return _Scale(lambda f: 100.0 * f.broken_fraction, colours, Normalize(0, 100 * GONE), note)
 
@@ -383,10 +415,11 @@ def _scale(folder: RunFolder, steps: Sequence[int], colour: Colour) -> _Scale:
         if shown.size:  # loose fragments may be fast: they do not set the scale
             top = max(top, float(np.quantile(shown, 0.95 if colour == "velocity" else 0.999)))
     top = top or 1.0
+    missing = f"missing: {100 * GONE:.0f} % or more of its bars broken"
     if colour == "velocity":
         norm = Normalize(0.0, top, clip=True)
-        return _Scale(value, colormaps["viridis"], norm, "speed of a module [m/s]")
-    label = "strain energy of a module [kJ/m$^3$], from its corners; grey: bars have failed"
+        return _Scale(value, colormaps["viridis"], norm, f"speed of a module [m/s]; {missing}")
+    label = f"strain energy of a module [kJ/m$^3$]; grey: bars have failed; {missing}"
     colours = colormaps["magma"].with_extremes(bad="0.6")
     return _Scale(lambda f: 1e-3 * value(f), colours, LogNorm(1e-6 * top, 1e-3 * top, True), label)
 
@@ -417,6 +450,7 @@ class _Panel:
     span: float  # [m] across
     scale_bar: float  # [m]
     label: str = ""
+    triad: bool = True  # whether it has the directions of x, y, z
 
     @property
     def aspect(self) -> float:
@@ -473,10 +507,8 @@ def _cut(size: FloatArray) -> _View:
     enlarged = 10 * size[2]
     if enlarged >= whole:  # a beam rather than a plate
         return _View("cut through y = 0, near half removed", _single(size, side), (1, 0.0))
-    upper = _Panel(
-        0.68, 0.24, side, whole, 0.01, "whole width; dark: behind the cut, walls of cracks"
-    )
-    lower = _Panel(_BOTTOM, 0.54, side, enlarged, 0.001, "middle, enlarged")
+    upper = _Panel(0.68, 0.23, side, whole, 0.01, "whole width", triad=False)
+    lower = _Panel(_BOTTOM, 0.55, side, enlarged, 0.001, "middle, enlarged")
     return _View("cut through y = 0, near half removed", (upper, lower), (1, 0.0))
 
 
@@ -594,6 +626,15 @@ class _Painter:
         return self._fields
 
 
+_Told = tuple[RunFolder, Scene, Mapping[str, FloatArray]]
+"""A run as it is read once: its folder, scene and history."""
+
+
+def _told(folder: RunFolder) -> _Told:
+    history = folder.read_history() if folder.history_file.is_file() else {}
+    return folder, load_scene(folder.scene_file), history
+
+
 def _fields_at(folder: RunFolder, step: int) -> Fields:
     """Fields of a step, the modules that a notch cuts counted as broken."""
     fields = read_fields(folder.fields_file, step)
@@ -601,27 +642,29 @@ def _fields_at(folder: RunFolder, step: int) -> Fields:
     return fields
 
 
-def _draw_step(painter: _Painter, folder: RunFolder, step: int) -> None:
+def _draw_step(painter: _Painter, run: _Told, step: int) -> None:
     """The three standing views of a step."""
+    folder, scene, _ = run
     fields = _fields_at(folder, step)
     size = np.ptp(fields.points, axis=0)
-    struck = load_scene(folder.scene_file).striker is not None
+    struck = scene.striker is not None
     scale = _damage_scale()
     for name, picture in zip(_VIEWS, _pictures(folder, (step, fields.time)), strict=True):
         view = _VIEWS[name](size)
         if not struck:
             view = replace(view, title=view.title.partition(" (")[0])  # which face it is
-        _draw(painter, fields, view, scale, picture, folder.picture_metadata())
+        _draw(painter, fields, view, scale, picture, run)
 
 
 def _draw_shots(
-    painter: _Painter, folder: RunFolder, steps: Sequence[int], shot: Shot, into: Path
+    painter: _Painter, run: _Told, steps: Sequence[int], shot: Shot, into: Path
 ) -> None:
+    folder = run[0]
     scale = _scale(folder, steps, shot.colour)
     for step in steps:
         fields = _fields_at(folder, step)
         view = _view_of(shot, np.ptp(fields.points, axis=0))
-        _draw(painter, fields, view, scale, into / _shot_name(step), folder.picture_metadata())
+        _draw(painter, fields, view, scale, into / _shot_name(step), run)
 
 
 def _draw(
@@ -630,13 +673,25 @@ def _draw(
     view: _View,
     scale: _Scale,
     picture: Path,
-    metadata: dict[str, str],
+    run: _Told,
 ) -> None:
     surface = exterior(fields, view.part(fields), scale.value(fields))
     # seen along the normal, what lies behind a cut would pass for the cut face
     cut = view.section is not None and abs(view.panels[0].rotation[2, view.section[0]]) > 0.99
-    images = [_panel_image(painter, surface, fields, panel, scale, cut) for panel in view.panels]
-    _compose(view, images, fields.time, scale, picture, metadata)
+    folder, scene, history = run
+    bodies = bodies_at(scene, history, fields.time)
+    images, lines = [], []
+    for panel in view.panels:
+        images.append(_panel_image(painter, surface, fields, panel, scale, cut, bodies))
+        seen = panel.rotation, _centre(fields, panel)
+        lines.append((bodies.outline(*seen), bodies.clamp_lines(*seen)))
+    caption = f"t = {1e3 * fields.time:.2f} ms    {view.title}    deformation to scale"
+    figure = _compose(view, images, lines, scale)
+    figure.text(0.5, 0.972, caption, ha="center", va="center", fontsize=20)
+    behind = "behind the cut pale blue: faces, brown: walls of cracks" if cut else ""
+    beside = ";  ".join(filter(None, (bodies.caption(), behind)))
+    figure.text(0.5, 0.936, beside, ha="center", va="center", fontsize=15)
+    figure.savefig(picture, metadata=folder.picture_metadata())
 
 
 def _panel_image(
@@ -646,6 +701,7 @@ def _panel_image(
     panel: _Panel,
     scale: _Scale,
     cut: bool,
+    bodies: Bodies,
 ) -> FloatArray:
     towards_eye = surface.normals @ panel.rotation.T
     seen = towards_eye[:, 2] > 0
@@ -656,10 +712,25 @@ def _panel_image(
         light[1] *= -1
     colours = colours * _brightness(towards_eye[seen], surface.opened[seen], light)[:, None]
     if cut:
-        colours = _fade(colours, corners[..., 2].mean(axis=1), np.ptp(fields.points[:, 2]) / 2)
-    corners[..., :2] /= panel.span / 2
-    corners[..., 2] /= np.abs(corners[..., 2]).max(initial=1e-9)
-    triangles = corners[:, ((0, 1, 2), (0, 2, 3))].reshape(-1, 3, 3)
+        half = np.ptp(fields.points[:, 2]) / 4
+        colours = _fade(colours, corners[..., 2].mean(axis=1), half, surface.opened[seen])
+    image = _paint(painter, corners, colours, panel)
+    turned = bodies.normals @ panel.rotation.T
+    front = turned[:, 2] > 0
+    if not front.any():
+        return image
+    striker = (bodies.faces[front] - _centre(fields, panel)) @ panel.rotation.T
+    shade = _STRIKER * _brightness(turned[front], np.zeros(front.sum(), dtype=bool), light)[:, None]
+    both = np.concatenate([corners, striker]), np.concatenate([colours, shade])
+    return (1 - _OPACITY) * image + _OPACITY * _paint(painter, *both, panel)
+
+
+def _paint(
+    painter: _Painter, corners: FloatArray, colours: FloatArray, panel: _Panel
+) -> FloatArray:
+    """An image of quadrilaterals (F, 4, 3) [m] in the eye's frame; colours (F, 3)."""
+    scale = np.array((panel.span / 2, panel.span / 2, np.abs(corners[..., 2]).max(initial=1e-9)))
+    triangles = (corners / scale)[:, ((0, 1, 2), (0, 2, 3))].reshape(-1, 3, 3)
     return painter.paint(triangles, colours.repeat(2, axis=0), panel.aspect)
 
 
@@ -668,51 +739,59 @@ def _centre(fields: Fields, panel: _Panel) -> FloatArray:
     middle: FloatArray = (fields.points.min(axis=0) + fields.points.max(axis=0)) / 2
     shown = np.abs(fields.points[:, 0] - middle[0]) < panel.span / 2
     height = (fields.points[:, 2] + fields.displacement[:, 2])[shown]
-    middle[2] = np.nanquantile(height, (0.005, 0.995)).mean()  # loose fragments may be anywhere
+    middle[2] = np.nanquantile(height, (0.1, 0.9)).mean()  # loose fragments may be anywhere
     return middle
 
 
 def _brightness(normals: FloatArray, opened: NDArray[np.bool_], light: FloatArray) -> FloatArray:
     """(F,) of faces; normals (F, 3) in the eye's frame.  A crack's walls lie in shadow."""
-    brightness = 0.4 + 0.6 * np.maximum(0.0, normals @ light) / np.linalg.norm(light)
-    brightness[opened] *= 0.5
+    brightness = 0.68 + 0.32 * np.maximum(0.0, normals @ light) / np.linalg.norm(light)
+    brightness[opened] *= 0.85  # more, and grey and yellow leave the colour scale
     return np.asarray(brightness)
 
 
-def _fade(colours: FloatArray, depth: FloatArray, half: float) -> FloatArray:
-    """Darken what lies behind the cut, by half at depth -`half`, lest it pass for the cut face."""
+def _fade(
+    colours: FloatArray, depth: FloatArray, half: float, opened: NDArray[np.bool_]
+) -> FloatArray:
+    """Tint what lies behind the cut, by half at depth -`half`, lest it pass for the cut face."""
     share = np.exp2(np.minimum(0.0, depth) / half)[:, None]
-    return colours * share + _BEHIND * (1.0 - share)
+    return colours * share + np.where(opened[:, None], _WALL, _BEHIND) * (1.0 - share)
 
 
 def _compose(
     view: _View,
     images: Sequence[FloatArray],
-    time_s: float,
+    lines: Sequence[tuple[FloatArray, list[FloatArray]]],
     scale: _Scale,
-    picture: Path,
-    metadata: dict[str, str],
-) -> None:
-    """Put the panels, a caption, scale bars, axes and the colours' meaning on one picture."""
+) -> Figure:
+    """Put the panels, outlines, scale bars, axes and the colours' meaning on one picture."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(_SIZE_PX[0] / 100, _SIZE_PX[1] / 100), dpi=100)
     FigureCanvasAgg(figure)
-    for panel, image in zip(view.panels, images, strict=True):
+    for panel, image, (striker, clamp) in zip(view.panels, images, lines, strict=True):
         place = ((1 - _WIDTH) / 2, panel.bottom, _WIDTH, panel.height)
         axes = figure.add_axes(place, frameon=False, xticks=(), yticks=())
         half = panel.span / 2
         axes.imshow(image, extent=(-half, half, -half * panel.aspect, half * panel.aspect))
+        hidden = panel.rotation[2, 2] < -0.1  # behind the plate
+        axes.plot(*striker.T, ":" if hidden else "-", color=tuple(_STRIKER), linewidth=1.5)
+        for line in clamp:
+            axes.plot(*line.T, "--", color="0.35", linewidth=1.5, dashes=(5, 4))
         _annotate(axes, panel)
-    caption = f"t = {1e3 * time_s:.2f} ms    {view.title}    deformation to scale"
-    figure.text(0.5, 0.965, caption, ha="center", va="center", fontsize=20)
     _colour_key(figure, scale)
-    figure.savefig(picture, metadata=metadata)
+    return figure
 
 
 def _annotate(axes: Axes, panel: _Panel) -> None:
     """Scale bar at the lower right, directions of x, y, z at the lower left, the panel's label."""
+    _draw_scale_bar(axes, panel)
+    if panel.triad:
+        _draw_triad(axes, panel)
+
+
+def _draw_scale_bar(axes: Axes, panel: _Panel) -> None:
     half = panel.span / 2
     low, unit = -half * panel.aspect, panel.span / 100
     end = half - unit
@@ -720,6 +799,13 @@ def _annotate(axes: Axes, panel: _Panel) -> None:
     text = f"{1e3 * panel.scale_bar:g} mm"
     axes.text(end - panel.scale_bar / 2, low + 1.6 * unit, text, ha="center", fontsize=16)
     axes.text(-half, -low, panel.label, ha="left", va="top", fontsize=16)
+    axes.set_xlim(-half, half)
+    axes.set_ylim(low, -low)
+
+
+def _draw_triad(axes: Axes, panel: _Panel) -> None:
+    unit = panel.span / 100
+    half, low = panel.span / 2, -panel.span / 2 * panel.aspect
     arrow = {"arrowstyle": "-|>", "color": "black", "shrinkA": 0, "shrinkB": 0}
     x, y = -half + 6.5 * unit, low + 2.5 * unit
     for name, (right, up) in zip("xyz", panel.rotation[:2].T, strict=True):
@@ -728,8 +814,6 @@ def _annotate(axes: Axes, panel: _Panel) -> None:
             axes.annotate("", xy=tip, xytext=(x, y), arrowprops=arrow)
             mark = (x + 5.2 * unit * right, y + 5.2 * unit * up)
             axes.text(*mark, name, ha="center", va="center", fontsize=16)
-    axes.set_xlim(-half, half)
-    axes.set_ylim(low, -low)
 
 
 def _colour_key(figure: Figure, scale: _Scale) -> None:
@@ -750,13 +834,13 @@ def main(arguments: Sequence[str]) -> int:
     if not vulkan_device():
         return _EXIT_NO_DEVICE
     path, shot, into, *steps = arguments
-    folder = RunFolder.open(Path(path))
+    run = _told(RunFolder.open(Path(path)))
     painter = _Painter()
     if shot:
-        _draw_shots(painter, folder, [int(s) for s in steps], Shot(**json.loads(shot)), Path(into))
+        _draw_shots(painter, run, [int(s) for s in steps], Shot(**json.loads(shot)), Path(into))
         return 0
     for step in steps:
-        _draw_step(painter, folder, int(step))
+        _draw_step(painter, run, int(step))
     return 0
 
 

@@ -13,10 +13,11 @@ import csv
 import io
 import json
 import math
+import os
 import shlex
 import tempfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,7 +28,14 @@ from numpy.typing import NDArray
 from taichi_ldem import paper
 from taichi_ldem.describe import implied, left_out, warnings
 from taichi_ldem.durable import write_whole
-from taichi_ldem.scene import Scene, SceneError, load_scene
+from taichi_ldem.ensemble.plan import MEMBERS
+from taichi_ldem.ensemble.results import FEWEST
+from taichi_ldem.ensemble.table3 import AT_T2
+from taichi_ldem.ensemble.table3 import label as group_label
+from taichi_ldem.numbers import MEASURED_AT_END, at_end, named, unit_of
+from taichi_ldem.plots import RING_SIGN
+from taichi_ldem.render import GONE
+from taichi_ldem.scene import DISORDERED, Scene, SceneError, load_scene
 from taichi_ldem.signals import SMOOTHING_WINDOW, low_pass, smooth_force
 from taichi_ldem.store import RunFolder, read_fields, read_times
 
@@ -72,7 +80,7 @@ _TITLES = {
 }
 # Figures of `ldem plot` that say what no interactive one here says, and what they show.
 _FIGURES = {
-    "cracks": "Measured cracks: radial at t2, circular at the end, from below",
+    "cracks": "Measured cracks: radial at t2 (energy), circular at the end, from below",
     "crack_growth": "Growth of the cracks",
     "crack_map": "Crack map in the reference configuration",
     "stress_strain": "Stress over strain",
@@ -106,7 +114,7 @@ def write_report(folder: Path, out: Path | None = None, *, pictures: int = PICTU
     template = _template()
     path = folder / "report.html" if out is None else out
     if (folder / "ensemble.csv").is_file():
-        page = _ensemble_page(folder)
+        page = _ensemble_page(folder.resolve(), path)
     else:
         page = _run_page(_open(folder), pictures)
     text = template.render(page=page, plotly=_plotly() if page.figures else "")
@@ -136,6 +144,14 @@ def _plotly() -> str:
 
 
 @dataclass(frozen=True)
+class Link:
+    """A cell that leads to a file beside the page."""
+
+    text: str
+    href: str
+
+
+@dataclass(frozen=True)
 class Table:
     """A table of text.
 
@@ -143,9 +159,14 @@ class Table:
         header: of the columns; empty for a table of names and values.
     """
 
-    rows: Sequence[tuple[str, ...]]
+    rows: Sequence[tuple[str | Link, ...]]
     header: tuple[str, ...] = ()
     caption: str = ""
+
+    @property
+    def bare(self) -> Table:
+        """Without its caption, which stands elsewhere."""
+        return replace(self, caption="")
 
 
 @dataclass(frozen=True)
@@ -180,11 +201,13 @@ class Snapshots:
 
     Attributes:
         times: s.
+        note: what a reader must know about them.
     """
 
     view: str
     times: list[float]
     pictures: list[Picture]
+    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -201,7 +224,7 @@ class Page:
     scene: str = ""
     times: list[float] = field(default_factory=list)
     readings: list[dict[str, Any]] = field(default_factory=list)
-    events: list[tuple[str, float]] = field(default_factory=list)
+    events: list[tuple[str, float | None]] = field(default_factory=list)
     figures: list[Figure] = field(default_factory=list)
     snapshots: list[Snapshots] = field(default_factory=list)
     snapshot_note: str = ""
@@ -226,7 +249,9 @@ class Page:
                 }
                 for f in self.figures
             ],
-            "snapshots": [{"view": s.view, "times": s.times} for s in self.snapshots],
+            "snapshots": [
+                {"view": s.view, "times": s.times, "note": s.note} for s in self.snapshots
+            ],
         }
         return json.dumps(told, allow_nan=False).replace("</", "<\\/")
 
@@ -243,7 +268,7 @@ def _run_page(folder: RunFolder, pictures: int) -> Page:
     history = _thinned(folder.read_history() if folder.history_file.is_file() else {})
     name = folder.path.resolve().name
     finished = bool(summary)
-    lead = _lead(scene, history, finished)
+    lead = _lead(scene, history, finished, folder)
     cracks = _cracks(folder, scene)
     snapshots, snapshot_note = _snapshots(folder, scene, pictures)
     processes = _processes(folder)
@@ -256,7 +281,7 @@ def _run_page(folder: RunFolder, pictures: int) -> Page:
         cards=_cards(scene, summary),
         asked=[
             Table(list(implied(scene).items()), caption="What the inputs imply"),
-            Table(_keys(scene), caption="Scene, defaults included"),
+            Table(_keys(scene), ("key", "value", "unit"), "Scene, defaults included"),
         ],
         notes=warnings(scene),
         left_out=left_out(scene),
@@ -279,12 +304,45 @@ def _run_page(folder: RunFolder, pictures: int) -> Page:
     )
 
 
-def _lead(scene: Scene, history: Mapping[str, Series], finished: bool) -> str:
+def _random(scene: Scene, folder: RunFolder) -> str:
+    """Which properties are random, as asked for and as drawn."""
+    from taichi_ldem.disorder import cv_from_shape, shape_of
+
+    disorder = scene.disorder
+    parts = []
+    drawn = _drawn(folder)
+    shapes = {name: shape_of(disorder, name) for name in DISORDERED}
+    for number, (name, shape) in enumerate((n, s) for n, s in shapes.items() if s is not None):
+        text = f"{name.replace('_', ' ')} with a CV of {100 * cv_from_shape(shape):.3g} %"
+        if number < len(drawn):
+            mean, cv = drawn[number]
+            text += f" (drawn: {100 * cv:.3g} %, mean {mean:.4g} of the asked)"
+        parts.append(text)
+    if disorder is None or not parts:
+        return ""
+    length = disorder.correlation_length
+    over = f"correlated over {_MM * length:.3g} mm" if length else "every bar on its own"
+    return f". Random {', '.join(parts)}, {over}, seed {disorder.seed}"
+
+
+def _drawn(folder: RunFolder) -> list[tuple[float, float]]:
+    """Mean and CV of the random factors from the last checkpoint; empty without one."""
+    import h5py
+
+    try:
+        with h5py.File(folder.path / "checkpoint.h5", "r") as file:
+            return [(float(mean), float(cv)) for mean, cv in file["state/clock/drawn"][()]]
+    except (OSError, KeyError, ValueError):
+        return []
+
+
+def _lead(scene: Scene, history: Mapping[str, Series], finished: bool, folder: RunFolder) -> str:
     x, y, z = (1e3 * side for side in scene.plate.actual_size)
     nx, ny, nz = scene.plate.modules
     text = f"{x:.1f} x {y:.1f} x {z:.2f} mm as {nx} x {ny} x {nz} modules"
     if scene.striker is not None:
         text += f", struck by {scene.striker.mass:g} kg at {scene.striker.velocity:g} m/s"
+    text += _random(scene, folder)
     if not finished and "time_s" in history and len(history["time_s"]):
         end = history["time_s"][-1]
         text += f". Not finished: until {1e3 * end:.3f} of {1e3 * scene.solver.duration:.3f} ms"
@@ -315,33 +373,48 @@ def _processes(folder: RunFolder) -> list[dict[str, Any]]:
 
 # --- tables ---------------------------------------------------------------------------------------
 
-_CARDS: tuple[tuple[str, str, float, str], ...] = (
-    ("first_peak_force_n", "first peak", 1.0, "{:.0f} N"),
-    ("second_peak_force_n", "second peak", 1.0, "{:.0f} N"),
-    ("failure_time_s", "failure", 1e3, "{:.2f} ms"),
-    ("radial_cracks", "radial cracks", 1.0, "{:.0f}"),
-    ("radial_diameter_m", "d_r", 1e3, "{:.1f} mm"),
-    ("circular_diameter_m", "d_c", 1e3, "{:.1f} mm"),
-    ("youngs_modulus", "Young's modulus", 1e-9, "{:.3f} GPa"),
-    ("poisson_ratio", "Poisson's ratio", 1.0, "{:.3f}"),
-    ("strength", "strength", 1e-6, "{:.1f} MPa"),
-    ("peak_force_n", "peak force", 1.0, "{:.1f} N"),
-    ("peak_work_j", "work at the peak", 1e3, "{:.2f} mJ"),
-    ("fracture_j", "fracture", 1.0, "{:.3g} J"),
-    ("energy_error", "energy error", 100.0, "{:.2g} %"),
+# Those without a value are shown, too, where a finished impact could have had one.
+_CARDS = (
+    "first_peak_force_n",
+    "second_peak_force_n",
+    "failure_time_s",
+    "failure_time_velocity_s",
+    "failure_time_energy_s",
+    "radial_cracks",
+    "radial_diameter_m",
+    "circular_diameter_m",
+    "youngs_modulus",
+    "poisson_ratio",
+    "strength",
+    "peak_force_n",
+    "peak_work_j",
+    "fracture_j",
 )
 
 
 def _cards(scene: Scene, summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    cards = [
-        (label, form.format(factor * value))
-        for key, label, factor, form in _CARDS
-        if (value := _number(summary, key)) is not None
-    ]
     if scene.scenario == "modes":
         frequencies = summary.get("frequencies_hz", [])
-        cards = [(f"mode {n + 1}", f"{f / 1e3:.3f} kHz") for n, f in enumerate(frequencies[:6])]
+        return [(f"mode {n + 1}", f"{f / 1e3:.3f} kHz") for n, f in enumerate(frequencies[:6])]
+    cards = []
+    for key in _CARDS:
+        if _number(summary, key) is not None:
+            cards.append((_card_label(key, summary), named(key).told(summary[key])))
+        elif key in summary and scene.material.damage:
+            within = f" within {named(key).told(scene.solver.duration)}" if "time" in key else ""
+            cards.append((_card_label(key, summary), f"none{within}"))
+    key = "energy_error_of_plate"
+    key = key if _number(summary, key) is not None else "energy_error"
+    if _number(summary, key) is not None:
+        cards.append((named(key).label, named(key).told(summary[key])))
     return cards
+
+
+def _card_label(key: str, summary: Mapping[str, Any]) -> str:
+    label = named(key).label
+    if key in AT_T2 and summary.get(key):
+        return f"{label}, {MEASURED_AT_END if at_end(summary) else 'at t2 (energy)'}"
+    return label
 
 
 def _number(summary: Mapping[str, Any], key: str) -> float | None:
@@ -349,10 +422,10 @@ def _number(summary: Mapping[str, Any], key: str) -> float | None:
     return float(value) if isinstance(value, (int, float)) else None
 
 
-def _keys(scene: Scene) -> list[tuple[str, str]]:
+def _keys(scene: Scene) -> list[tuple[str, ...]]:
     from taichi_ldem.provenance import canonical
 
-    return [(key, _plain(value)) for key, value in canonical(scene).items()]
+    return [(key, _plain(value), unit_of(key)) for key, value in canonical(scene).items()]
 
 
 def _plain(value: Any) -> str:
@@ -374,9 +447,13 @@ def _happened(scene: Scene, summary: Mapping[str, Any], folder: RunFolder) -> li
     if scene.scenario == "modes":
         tables.append(_csv_table(folder.path / "modes.csv", "Natural frequencies"))
     skip = {"provenance", "frequencies_hz", "residuals", "names", "groups", *_COST}
-    rows = [(key, _plain(value)) for key, value in summary.items() if key not in skip]
-    rows = [(key, value) for key, value in rows if len(value) < 200]
-    return [*tables, Table(rows, caption="All numbers of summary.json, SI units")]
+    rows = [
+        (named(key).label, named(key).shown(value), named(key).unit, key)
+        for key, value in summary.items()
+        if key not in skip and len(str(value)) < 200
+    ]
+    header = ("", "value", "unit", "key in summary.json, which has all digits in SI units")
+    return [*tables, Table(rows, header, "All numbers")]
 
 
 def _beside_the_paper(summary: Mapping[str, Any]) -> Table:
@@ -397,7 +474,7 @@ def _beside_the_paper(summary: Mapping[str, Any]) -> Table:
         ("its time t1", told("first_peak_time_s", 1e3, "{:.2f} ms"), t1, t1),
         ("second peak P2", told("second_peak_force_n", 1, "{:.0f} N"), "", f"{low} to {high} N"),
         (
-            "failure t2",
+            "failure t2 (force)",
             told("failure_time_s", 1e3, "{:.2f} ms"),
             f"about {1e3 * paper.T2_LDEM_S:g} ms",
             f"{first} to {last} ms",
@@ -425,31 +502,28 @@ def _beside_the_paper(summary: Mapping[str, Any]) -> Table:
     return Table([tuple(row) for row in rows], header, "Beside the paper")
 
 
-_COST: dict[str, tuple[str, Callable[[float], str]]] = {
-    "wall_s": ("time of stepping", lambda v: f"{v:.1f} s"),
-    "compile_s": ("time of set-up (import, compilation)", lambda v: f"{v:.1f} s"),
-    "steps": ("steps", lambda v: f"{v:,.0f}"),
-    "time_step_s": ("time step", lambda v: f"{v:.4g} s"),
-    "critical_time_step_s": ("critical time step", lambda v: f"{v:.4g} s"),
-    "bars": ("bars", lambda v: f"{v:,.0f}"),
-    "nodes": ("nodes", lambda v: f"{v:,.0f}"),
-    "bars_per_s": ("speed", lambda v: f"{v / 1e6:.1f} million bars a second"),
-    "peak_memory_bytes": ("largest memory of the process", lambda v: f"{v / 1e6:.0f} MB"),
-    "energy_error": ("energy error over initial energy", lambda v: f"{100 * v:.2g} %"),
-    "energy_error_of_plate": (
-        "energy error over what the plate was given",
-        lambda v: f"{100 * v:.2g} %",
-    ),
-}
+_COST = (
+    "wall_s",
+    "compile_s",
+    "steps",
+    "time_step_s",
+    "critical_time_step_s",
+    "bars",
+    "nodes",
+    "bars_per_s",
+    "peak_memory_bytes",
+    "energy_error",
+    "energy_error_of_plate",
+)
 
 
-def _cost(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    rows = [
-        (label, form(value))
-        for key, (label, form) in _COST.items()
-        if (value := _number(summary, key)) is not None
+def _cost(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    rows: list[tuple[str, ...]] = [
+        (named(key).label, named(key).shown(summary[key]), named(key).unit)
+        for key in _COST
+        if _number(summary, key) is not None
     ]
-    return rows or [("", "not finished: no summary yet")]
+    return rows or [("", "not finished: no summary yet", "")]
 
 
 def _provenance(process: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -502,19 +576,23 @@ def _readings(history: Mapping[str, Series]) -> list[dict[str, Any]]:
 
 
 def _digits(value: float) -> float | None:
-    return float(f"{value:.5g}") if math.isfinite(value) else None
+    if not math.isfinite(value):
+        return None
+    return float(f"{value:.4g}") if value % 1 else float(value)
 
 
-def _events(summary: Mapping[str, Any]) -> list[tuple[str, float]]:
-    named = (
+def _events(summary: Mapping[str, Any]) -> list[tuple[str, float | None]]:
+    """Names and times to jump to; None: it did not happen."""
+    told = (
         ("damage_onset_time_s", "onset of damage"),
         ("first_peak_time_s", "t1"),
         ("second_peak_time_s", "P2"),
-        ("failure_time_s", "t2"),
+        ("failure_time_s", "t2 (force)"),
+        ("failure_time_velocity_s", "t2 (velocity)"),
+        ("failure_time_energy_s", "t2 (energy)"),
         ("peak_time_s", "peak"),
     )
-    events = [(label, _number(summary, key)) for key, label in named]
-    return [(label, at) for label, at in events if at is not None]
+    return [(label, _number(summary, key)) for key, label in told if key in summary]
 
 
 def _line(
@@ -544,7 +622,7 @@ def _figure(
         "template": "plotly_white",
         "margin": {"l": 65, "r": 15, "t": 40, "b": 45},
         "xaxis": {"title": {"text": x}},
-        "yaxis": {"title": {"text": y}},
+        "yaxis": {"title": {"text": y}, "zerolinecolor": "#888888", "zerolinewidth": 1},
         "legend": {"orientation": "h", "y": -0.2, "x": 0},
         "height": 360,
         "hovermode": "closest",
@@ -592,9 +670,8 @@ def _figures(
     error = np.abs(history["energy_error"])
     shown = _line(time, np.where(error > 0, 100 * error, np.nan), "energy error", "#333333", 1.2)
     more = {"yaxis": {"type": "log", "exponentformat": "power"}}
-    figures.append(
-        Figure("error", _figure("Energy error", [shown], "time [ms]", "error [%]", more=more))
-    )
+    name = "Energy error, of the initial energy and external work"
+    figures.append(Figure("error", _figure(name, [shown], "time [ms]", "error [%]", more=more)))
     if "broken_bars" in history:
         broken = _line(time, history["broken_bars"], "broken bars", _RED)
         figures.append(Figure("broken", _figure("Broken bars", [broken], "time [ms]", "bars")))
@@ -612,10 +689,13 @@ def _force(scene: Scene, history: Mapping[str, Series], summary: Mapping[str, An
         _line(_MS * time, force, "striker, as sampled", _GREY, 0.7),
         _line(_MS * time, smooth, f"striker, {average}", _BLUE, 2.5),
     ]
+    shown = [smooth]
     for name in ("ring", "support"):
         if f"{name}_force_n" in history:
             other = smooth_force(time, history[f"{name}_force_n"], window)
-            traces.append(_line(_MS * time, other, f"{name}s, {average}", _GREEN, 1.2))
+            sign = RING_SIGN if name == "ring" else ""
+            traces.append(_line(_MS * time, other, f"{name}s, {average}{sign}", _GREEN, 1.2))
+            shown.append(other)
     for cutoff in scene.output.filter_frequencies:
         filtered = low_pass(time, force, cutoff, _number(summary, "first_peak_time_s"))
         name = f"striker, low-pass at {cutoff / 1e3:g} kHz after t1"
@@ -628,9 +708,8 @@ def _force(scene: Scene, history: Mapping[str, Series], summary: Mapping[str, An
         if load is not None and when is not None:
             traces.append(_mark(_MS * when, load, f"{label} = {load:.0f} N"))
     more: dict[str, Any] = {}
-    top = 1.25 * max(float(smooth.max()), 1e-9)
     if paper.is_papers_test(scene):
-        top = max(top, 1.1 * paper.P2_N[1])
+        shown.append(np.array(paper.P2_N))
         more["shapes"] = [
             {
                 "type": "rect",
@@ -645,8 +724,14 @@ def _force(scene: Scene, history: Mapping[str, Series], summary: Mapping[str, An
         ]
         experiments = f"experiments, P1 about {paper.P1_N:g} N (box: P2 and t2)"
         traces.append(_mark(_MS * paper.T1_S, paper.P1_N, experiments, _RED, "diamond-open"))
-    more["yaxis"] = {"range": [max(-0.15 * top, 1.05 * min(0.0, float(force.min()))), top]}
+    more["yaxis"] = {"range": _range(np.concatenate(shown))}
     return Figure("force", _figure("Striker force", traces, "time [ms]", "force [N]", more=more))
+
+
+def _range(shown: Series) -> list[float]:
+    """Limits that hold zero and all of a curve."""
+    low, high = min(0.0, float(shown.min())), max(1e-9, float(shown.max()))
+    return [low - 0.05 * (high - low), high + 0.08 * (high - low)]
 
 
 def _mark(x: float, y: float, name: str, color: str = _BLUE, symbol: str = "circle") -> Trace:
@@ -700,7 +785,9 @@ def _crack_map(scene: Scene, cracks: Cracks, end: float) -> Figure:
     for number, crack in enumerate(cracks.radial, start=1):
         path = _MM * crack.path.T
         more = {"legendgroup": "radial", "showlegend": number == 1}
-        label = f"{len(cracks.radial)} radial cracks at {_MS * cracks.radial_time:.2f} ms"
+        when = "t2 (energy)" if cracks.at_failure else "the end"
+        count = f"{len(cracks.radial)} radial cracks"
+        label = f"{count} at {when}, {_MS * cracks.radial_time:.2f} ms"
         traces.append(_line(path[0], path[1], label, _RED, 2.0, **more))
         x, y = (float(v) for v in _MM * crack.tip)
         tip = _mark(x, y, f"tip {number}", _RED)
@@ -726,8 +813,13 @@ def _crack_map(scene: Scene, cracks: Cracks, end: float) -> Figure:
             _line(radius * np.cos(angle), radius * np.sin(angle), name, "#555555", 1.0, line=line)
         )
     more = {
-        "xaxis": {"range": [half[0], -half[0]], "constrain": "domain"},
-        "yaxis": {"range": [-half[1], half[1]], "scaleanchor": "x", "constrain": "domain"},
+        "xaxis": {"range": [half[0], -half[0]], "constrain": "domain", "zeroline": False},
+        "yaxis": {
+            "range": [-half[1], half[1]],
+            "scaleanchor": "x",
+            "constrain": "domain",
+            "zeroline": False,
+        },
         "height": 500,
         "legend": {"y": -0.14},
     }
@@ -736,6 +828,12 @@ def _crack_map(scene: Scene, cracks: Cracks, end: float) -> Figure:
 
 
 # --- pictures -------------------------------------------------------------------------------------
+
+
+MISSING = (
+    f"White or missing: modules with {100 * GONE:.0f} % or more of their bars broken; "
+    "they are still in the model."
+)
 
 
 def _embedded(file: Path) -> str:
@@ -763,7 +861,7 @@ def _snapshots(folder: RunFolder, scene: Scene, most: int) -> tuple[list[Snapsho
                 into.mkdir()
                 drawn = render_shot(folder, Shot(view=view), into, times)
                 pictures = [Picture(f"{1e3 * at:.3f} ms", _small(file)) for at, file in drawn]
-                found.append(Snapshots(view, [at for at, _ in drawn], pictures))
+                found.append(Snapshots(view, [at for at, _ in drawn], pictures, MISSING))
             return found, ""
         except SceneError as error:
             return [_plain_maps(folder, [int(n) for n in chosen])], str(error)
@@ -808,9 +906,76 @@ def _plain_maps(folder: RunFolder, steps: Sequence[int]) -> Snapshots:
 # --- ensembles ------------------------------------------------------------------------------------
 
 
-def _ensemble_page(folder: Path) -> Page:
+_SHEETS = {
+    "cracks_at_t2": "Cracks from below at t2 (energy), or at the end without failure",
+    "cracks_at_end": "Cracks from below at the end",
+    "force_envelope": "Force on the striker: smallest, mean and largest of the members",
+    "velocity_envelope": "Velocity of the striker: smallest, mean and largest of the members",
+    "energy_envelope": "Energies: smallest, mean and largest of the members",
+}
+_ACROSS = 10
+"""Columns of a table of members, beside their names."""
+
+
+def _csv_rows(file: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(file.read_text(encoding="utf-8"))))
+
+
+def _member_tables(members: Sequence[Mapping[str, str]], folder: Path, page: Path) -> list[Table]:
+    """The members' numbers in tables that fit a page, their names linked to their folders."""
+    if not members:
+        return []
+    columns = [key for key in members[0] if key != "name"]
+    pieces = [columns[at : at + _ACROSS] for at in range(0, len(columns), _ACROSS)]
+    links = [_link(member["name"], folder, page) for member in members]
+    note = f" (*: {MEASURED_AT_END})" if any(at_end(_read(m)) for m in members) else ""
+    return [
+        Table(
+            [
+                (link, *(_member_cell(key, _read(member)) for key in piece))
+                for link, member in zip(links, members, strict=True)
+            ],
+            ("member", *(named(key).title for key in piece)),
+            "Members" + (note if "radial_diameter_m" in piece else ""),
+        )
+        for piece in pieces
+    ]
+
+
+def _read(member: Mapping[str, str]) -> dict[str, Any]:
+    """A member's cells as numbers, where they are; None where they are empty."""
+    found: dict[str, Any] = {}
+    for key, cell in member.items():
+        try:
+            found[key] = json.loads(cell) if cell else None
+        except ValueError:
+            found[key] = cell
+    return found
+
+
+def _member_cell(key: str, member: Mapping[str, Any]) -> str:
+    value = member[key]
+    if value is None:
+        return "" if key == "reason" else "-"
+    starred = key in AT_T2 and at_end(member)
+    return named(key).shown(value) + ("*" if starred else "")
+
+
+def _link(name: str, folder: Path, page: Path) -> Link | str:
+    member = folder / MEMBERS / name
+    if not member.is_dir():
+        return name
+    report = member / "report.html"
+    there = report if report.is_file() else member
+    try:
+        return Link(name, Path(os.path.relpath(there, page.resolve().parent)).as_posix())
+    except ValueError:  # another drive
+        return name
+
+
+def _ensemble_page(folder: Path, page: Path) -> Page:
     """From ``ensemble.csv``, ``ensemble.json`` and the figures of ``ldem ensemble``."""
-    members = _csv_table(folder / "ensemble.csv", "Members")
+    members = _csv_rows(folder / "ensemble.csv")
     told: dict[str, Any] = {}
     file = folder / "ensemble.json"
     if file.is_file():
@@ -819,25 +984,25 @@ def _ensemble_page(folder: Path) -> Page:
         except ValueError as error:
             raise SceneError(f"cannot read '{file}': {error}") from None
     asked = [(key, _plain(value)) for key, value in told.get("asked", {}).items()]
-    groups = [_group(group) for group in told.get("groups", [])]
+    read = [_read(member) for member in members]
+    groups = [_group(group, starred=_starred(group, read)) for group in told.get("groups", [])]
     failed = [
         f"{name}: {member.get('reason') or member.get('state')}"
         for name, member in told.get("not_finished", {}).items()
     ]
     identity = [(k, _plain(told[k])) for k in ("version", "sha256") if told.get(k)]
-    finished = told.get("finished", len(members.rows))
-    wall = members.header.index("wall_s") if "wall_s" in members.header else None
-    spent = [float(row[wall] or 0.0) for row in members.rows] if wall is not None else []
-    cost = [("members", str(len(members.rows))), ("stepping, all members", f"{sum(spent):.0f} s")]
+    finished = told.get("finished", len(members))
+    spent = sum(float(row.get("wall_s") or 0.0) for row in members)
+    cost = [("members", str(len(members))), ("stepping, all members", f"{spent:.0f} s")]
     return Page(
         title="Ensemble",
         name=folder.resolve().name,
-        lead=f"{finished} of {len(members.rows)} members finished.",
-        asked=[Table(asked, caption="What was asked")],
+        lead=f"{finished} of {len(members)} members finished.",
+        asked=[Table(asked, caption="Options of the command")],
         notes=failed,
-        happened=[*groups, members],
+        happened=[*groups, *_member_tables(members, folder, page)],
         images=[
-            Picture(file.stem.replace("_", " "), _embedded(file))
+            Picture(_SHEETS.get(file.stem, file.stem.replace("_", " ")), _embedded(file))
             for file in sorted(folder.glob("*.png"))
         ],
         cost=[Table(list(cost), caption="Cost")],
@@ -857,21 +1022,37 @@ def _ensemble_commands(asked: Mapping[str, Any], folder: Path) -> list[str]:
     return [shlex.join(words), shlex.join(["ldem", "plot", str(folder)])]
 
 
-def _group(group: Mapping[str, Any]) -> Table:
-    rows = []
+def _starred(group: Mapping[str, Any], members: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether cracks of a member of the group were measured at the end."""
+    varied = group.get("varied", {})
+    own = [m for m in members if all(m.get(key) == value for key, value in varied.items())]
+    return any(at_end(member) for member in own)
+
+
+def _group(group: Mapping[str, Any], *, starred: bool) -> Table:
+    """Statistics of a group; starred: of some members cracks were measured at the end."""
+    rows: list[tuple[str, ...]] = []
     for name, s in group.get("statistics", {}).items():
-        interval = "".join(f"{v:.4g} " for v in s["interval"] or ())
-        deviation = s["standard_deviation"]
+        number = named(name)
+        deviation, interval = s["standard_deviation"], s["interval"]
+        if s["count"] < FEWEST or name == "wall_s":
+            interval = None  # of folders from before
         rows.append(
             (
-                name,
+                number.label + ("*" if starred and name in AT_T2 else ""),
+                number.unit,
                 str(s["count"]),
-                f"{s['mean']:.4g}",
-                "" if deviation is None else f"{deviation:.3g}",
-                " to ".join(interval.split()),
-                f"{s['smallest']:.4g} to {s['largest']:.4g}",
+                number.shown(float(s["mean"])),
+                "" if deviation is None else number.shown(deviation),
+                "" if interval is None else " to ".join(map(number.shown, interval)),
+                f"{number.shown(s['smallest'])} to {number.shown(s['largest'])}",
             )
         )
-    header = ("SI units", "members", "mean", "standard deviation", "95 % of the mean", "range")
-    varied = ", ".join(f"{k} = {_plain(v)}" for k, v in group.get("varied", {}).items())
-    return Table(rows, header, varied or "All members")
+    header: tuple[str, ...]
+    header = ("", "unit", "members", "mean", "standard deviation", "95 % of the mean", "range")
+    varied = group_label([(k, v) for k, v in group.get("varied", {}).items()])
+    caption = varied[0].upper() + varied[1:]
+    if not any(row[5] for row in rows):
+        rows, header = [row[:5] + row[6:] for row in rows], header[:5] + header[6:]
+        caption += f"; no confidence interval below {FEWEST} members"
+    return Table(rows, header, caption + (f" (*: some {MEASURED_AT_END})" if starred else ""))

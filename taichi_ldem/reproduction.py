@@ -477,7 +477,7 @@ def _fig11(name: str) -> Callable[[Context], Section]:
             Row("t1", "ms", _scaled(summary, "first_peak_time_s", 1e3), 1e3 * paper.T1_S, digits=2),
             Row("P2", "N", summary.get("second_peak_force_n"), None, paper.P2_N, 0),
             Row(
-                "t2",
+                "t2 (force)",
                 "ms",
                 _scaled(summary, "failure_time_s", 1e3),
                 1e3 * paper.T2_LDEM_S,
@@ -591,9 +591,9 @@ ITEMS: tuple[Item, ...] = (
     ),
     Item(
         "fig15",
-        "Fig. 15: cracks of random specimens at t2",
+        "Fig. 15: cracks of random specimens at t2 (energy)",
         ("ensemble",),
-        _ensemble(cracks_at_t2="at t2"),
+        _ensemble(cracks_at_t2="at t2 (energy)"),
     ),
     Item(
         "fig16",

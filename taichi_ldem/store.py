@@ -45,7 +45,10 @@ _OWN_FILES = re.compile(
     r"|(crack_map|cracks|crack_growth)\.png"
     r"|(pulse|dispersion|anisotropy)\.png|(probes|profiles)\.csv"
     r"|modes\.(csv|md|png|vtkhdf)"
-    r"|crack_[0-9.]+ms_(below|above|cut)\.png|shot_[0-9.]+ms\.png|movie\.(mp4|gif)|report\.html"
+    r"|crack_[0-9.]+ms_(below|above|cut)\.png"
+    r"|shot_[0-9.]+ms(_(below|above|cut)(_az[-+.e0-9]+)?(_el[-+.e0-9]+)?(_[xyz][-+.e0-9]+)?"
+    r"(_velocity|_energy)?)?\.png"
+    r"|movie\.(mp4|gif)|report\.html"
 )
 
 # The eight corners of a module as (dx, dy, dz), in VTK_HEXAHEDRON's order.

@@ -80,6 +80,8 @@ def synthetic_run(path: Path, *, layers: int = 2, cracked: bool = True) -> RunFo
                 "second_peak_force_n": 750.0,
                 "second_peak_time_s": 7.4e-3,
                 "failure_time_s": FAILURE,
+                "failure_time_velocity_s": FAILURE,
+                "failure_time_energy_s": FAILURE,
                 "damage_onset_time_s": 1.4e-3,
                 "broken_bars": 14 * len(dead),
             }

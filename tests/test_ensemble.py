@@ -5,6 +5,7 @@ Where the solver is not the point, a member is a small script.
 
 import io
 import json
+import math
 import os
 import shutil
 import signal
@@ -40,6 +41,7 @@ from taichi_ldem.ensemble.pools import LocalPool, local_workers
 from taichi_ldem.ensemble.report import report
 from taichi_ldem.ensemble.results import Row, read_rows, statistics, write_statistics, write_table
 from taichi_ldem.ensemble.run import check, run
+from taichi_ldem.ensemble.table3 import markdown
 from taichi_ldem.scene import SceneError
 
 SCENE = Path(__file__).parent / "scenes" / "cracking.toml"
@@ -499,6 +501,9 @@ def test_statistics_are_scipys():
     assert found.interval == pytest.approx(tuple(expected), rel=1e-12)
     assert (found.count, found.smallest, found.largest) == (4, 2.5, 6.0)
     assert statistics([7.0]).interval is None
+    two = statistics([7.0, 8.0])  # Student's t of one degree of freedom is 12.7 deviations
+    assert (two.interval, two.half_interval) == (None, None)
+    assert two.standard_deviation == pytest.approx(math.sqrt(0.5))
     assert statistics([]) is None
 
 
@@ -586,14 +591,26 @@ def test_table_3_has_the_papers_values_beside(finished, figures):
     report(finished)
     lines = (finished / "table3.md").read_text().splitlines()
     assert any(line.startswith("| CV 25 % | 5 6 | 50.0 54.0 | - - |") for line in lines)
-    # Student's t for two members: 12.706 s / sqrt(2) with s = 4 / sqrt(2) mm
-    assert any(line.startswith("| mean | 5.5 ± 6.4 | 52.0 ± 25.4 | - |") for line in lines)
+    assert any(line.startswith("| mean | 5.5 (two) | 52.0 (two) | - |") for line in lines)
     # the paper's Table 3
     paper = "| *paper's LDEM, CV 25 %* | 5 6 6 5 | 53.6 54.7 53.4 46.8 | 46 42 42 32 |"
     assert any(line.startswith(paper) for line in lines)
     table = (finished / "table3.csv").read_text().splitlines()
     assert "paper's LDEM,CV 50 %,1,5,0.0463,0.016,,,,,," in table
     assert sum(line.startswith("experiments") for line in table) == 4
+
+
+def test_table_3_says_what_was_measured_without_a_failure(plan):
+    numbers = {"radial_cracks": 5, "radial_diameter_m": 0.05, "failure_time_energy_s": None}
+    times = [None, 7e-3, 7.1e-3]
+    rows = [
+        Row(member, numbers | {"failure_time_energy_s": at}, (), "finished")
+        for member, at in zip([plan.members[0]] * 3, times, strict=True)
+    ]
+    first, mean = markdown(rows, papers=False).splitlines()[2:4]
+    assert "| 5* 5 5 | 50.0* 50.0 50.0 |" in first
+    assert mean.startswith("| mean | 5.0 ± 0.0 | 50.0 ± 0.0 |")
+    assert mean.endswith("| 7.05 (two) | - | - |")
 
 
 @pytest.mark.slow

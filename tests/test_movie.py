@@ -10,7 +10,7 @@ from synthetic import synthetic_run
 
 from taichi_ldem.backend import vulkan_device
 from taichi_ldem.cli import main
-from taichi_ldem.movie import _write_gif, check
+from taichi_ldem.movie import _palette, _write_gif, check
 from taichi_ldem.render import Shot, _view_of, parse_section, speed, strain_energy
 from taichi_ldem.scene import SceneError
 from taichi_ldem.store import Fields, RunFolder, hexahedral_mesh
@@ -133,6 +133,17 @@ def test_a_gif_repeats_and_holds_its_last_picture(tmp_path: Path) -> None:
         gif.seek(1)
         assert gif.info["duration"] == 1000
         assert gif.convert("RGB").getpixel((5, 5)) == (200, 0, 0)
+
+
+def test_a_gif_keeps_the_colour_of_small_things():
+    # A plate's worth of greys and a blue of 16 pixels.
+    greys = np.resize(np.arange(60, 250, dtype=np.uint8), (120, 160))
+    image = np.stack([greys, greys, greys], axis=-1)
+    image[10:14, 10:14] = (60, 120, 190)
+    picture = Image.fromarray(image)
+    shown = picture.quantize(palette=_palette([picture]), dither=Image.Dither.NONE).convert("RGB")
+    assert np.abs(np.asarray(shown)[11, 11].astype(int) - (60, 120, 190)).max() < 10
+    assert np.abs(np.asarray(shown).astype(int) - image).max() < 10
 
 
 def test_a_missing_encoder_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

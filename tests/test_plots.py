@@ -84,9 +84,12 @@ def test_the_runs_own_numbers_are_marked(run, figures):
     marks = texts(figures["force.png"])
     assert "$P_1$ = 605 N" in marks
     assert "$P_2$ = 750 N" in marks
-    for name in ("force.png", "velocity.png", "energy.png"):
-        for mark in ("onset", "$t_1$", "$t_2$"):
-            assert mark in texts(figures[name]).split(" | ")
+    for name in ("force", "velocity", "energy"):  # each has the failure time read off its curve
+        for mark in ("onset", "$t_1$", f"$t_2$ ({name})"):
+            assert mark in texts(figures[f"{name}.png"]).split(" | ")
+    lines = figures["force.png"].axes[0].lines
+    at = [line.get_xdata()[0] for line in lines if line.get_linewidth() == 0.8]
+    assert 7.5 in at  # the synthetic run's failure by the force
 
 
 def test_numbers_that_the_summary_lacks_are_not_marked(run, figures):
@@ -159,21 +162,51 @@ def test_overlay_numbers_the_tips_and_draws_the_circle(run, figures):
     plot_run(run)
     left, right = figures["cracks.png"].axes
     # synthetic_run: five radial cracks; its ring is not cracked through
-    assert left.get_title() == "5 radial cracks at 7.48 ms, from below"
+    assert left.get_title() == "5 radial cracks at $t_2$ (energy), 7.48 ms, from below"
     assert [text.get_text() for text in left.texts] == ["1", "2", "3", "4", "5"]
     labels = [text.get_text() for text in left.get_legend().get_texts()]
     assert any(label.startswith("$d_r$ = ") for label in labels)
     assert right.get_title() == "no circular crack at the end, from below"
     for axes in (left, right):
         assert axes.get_xlim()[0] > axes.get_xlim()[1]  # from below
+        assert min(np.abs(axes.get_xlim())) > 38.0  # the clamp's circle is in the picture
+        labels = [text.get_text() for text in axes.get_legend().get_texts()]
+        assert "clamp, inner diameter 76 mm" in labels
+    # what the legend calls cracked to a third has the map's grey
+    image = left.images[0]
+    greys = [image.cmap(image.norm(value)) for value in (3, 1)]
+    squares = [line for line in left.lines if line.get_marker() == "s"]
+    assert [line.get_color() for line in squares] == greys
+
+
+def test_the_axes_hold_all_smoothed_forces(run, figures):
+    table = run.read_history()
+    table["ring_force_n"] = np.where(table["time_s"] > 8e-3, -900.0, table["ring_force_n"])
+    header = ",".join(table)
+    rows = np.column_stack(list(table.values()))
+    np.savetxt(run.history_file, rows, delimiter=",", header=header, comments="")
+    plot_run(run)
+    low, high = figures["force.png"].axes[0].get_ylim()
+    assert low < -900.0
+    assert high > 750.0
+
+
+def test_names_of_times_that_lie_close_stand_in_two_rows(run, figures):
+    times = {"damage_onset_time_s": 1.4e-3, "first_peak_time_s": 1.8e-3, "failure_time_s": 7.5e-3}
+    run.write_summary(times)
+    plot_run(run)
+    names = {text.get_text(): text for text in figures["force.png"].axes[0].texts}
+    heights = [names[n].xyann[1] for n in ("onset", "$t_1$", "$t_2$ (force)")]
+    assert heights[0] == heights[2] < heights[1]
 
 
 def test_growth_marks_the_times(run, figures):
     plot_run(run)
-    for mark in ("onset", "$t_1$", "$t_2$"):
+    for mark in ("onset", "$t_1$", "$t_2$ (energy)"):
         assert mark in texts(figures["crack_growth.png"]).split(" | ")
-    upper, _, lower, _ = figures["crack_growth.png"].axes
-    assert upper.lines[0].get_label() == "furthest radial tip"
+    upper, _, lower, beside = figures["crack_growth.png"].axes
+    assert upper.lines[0].get_label() == "furthest radial tip, until $t_2$ (energy)"
+    assert "without the core" in beside.lines[0].get_label()
     assert np.all(np.diff(lower.lines[0].get_ydata()) >= 0)
 
 

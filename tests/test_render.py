@@ -7,8 +7,10 @@ from synthetic import synthetic_run
 
 from taichi_ldem import render
 from taichi_ldem.backend import vulkan_device
-from taichi_ldem.render import NO_DEVICE, exterior, render_run
-from taichi_ldem.store import Fields, RunFolder, hexahedral_mesh
+from taichi_ldem.bodies import bodies_at
+from taichi_ldem.render import NO_DEVICE, Shot, exterior, render_run
+from taichi_ldem.scene import load_scene
+from taichi_ldem.store import _OWN_FILES, Fields, RunFolder, hexahedral_mesh
 
 needs_vulkan = pytest.mark.skipif(
     not vulkan_device(), reason="no Vulkan device: apt install mesa-vulkan-drivers"
@@ -74,6 +76,41 @@ def test_views_look_where_they_say(view, towards_eye, right):
         np.testing.assert_allclose(panel.rotation @ panel.rotation.T, np.eye(3), atol=1e-12)
 
 
+# --- striker and clamp ----------------------------------------------------------------------------
+
+
+def bodies(cracked, time, **changes):
+    scene = load_scene(cracked.scene_file)
+    history = {"time_s": np.array([0.0, 1e-3]), "striker_displacement_m": np.array([0.0, 2e-3])}
+    history["striker_force_n"] = np.array([300.0, 300.0])
+    striker = scene.striker.model_copy(update=changes)
+    return bodies_at(scene.model_copy(update={"striker": striker}), history, time)
+
+
+@pytest.mark.parametrize(("shape", "across"), [("hemisphere", 12.7e-3), ("cylinder", 92.8e-3)])
+def test_the_striker_stands_where_the_history_says(cracked, shape, across):
+    told = bodies(cracked, 0.5e-3, shape=shape, position=(3e-3, 0.0), gap=0.1e-3)
+    corners = told.faces.reshape(-1, 3)
+    assert corners[:, 2].min() == pytest.approx(3.2e-3 + 0.1e-3 - 1e-3)  # halfway along the 2 mm
+    assert np.ptp(corners[:, 0]) == pytest.approx(12.7e-3)
+    assert np.ptp(corners[:, 1]) >= across
+    outward = told.faces.mean(axis=1) - corners.mean(axis=0)
+    sides = np.linalg.norm(told.normals, axis=1) > 0.5
+    assert np.all((told.normals * outward).sum(axis=1)[sides] > -1e-9)
+    assert told.caption() == "blue: the striker, force on it 300 N;  dashed: the clamp"
+
+
+def test_the_clamp_is_circles_from_above_and_places_from_the_side(cracked):
+    told, centre = bodies(cracked, 0.0), np.zeros(3)
+    above = told.clamp_lines(render._rotation(0.0, 90.0), centre)
+    assert [np.linalg.norm(c, axis=1).max() for c in above] == pytest.approx([0.038, 0.045])
+    side = told.clamp_lines(render._rotation(0.0, 0.0), centre)
+    assert sorted({float(abs(x)) for line in side for x in line[:, 0]}) == [0.038, 0.045]
+    assert sorted({float(z) for line in side for z in line[:, 1]}) == pytest.approx([0.0, 3.2e-3])
+    outline = told.outline(render._rotation(180.0, -90.0), centre)
+    np.testing.assert_allclose(np.linalg.norm(outline, axis=1), 6.35e-3, rtol=1e-9)
+
+
 # --- the caller's side ----------------------------------------------------------------------------
 
 
@@ -93,6 +130,26 @@ def cracked(tmp_path_factory) -> RunFolder:
 )
 def test_the_nearest_stored_steps_are_drawn_once(cracked, times, steps):
     assert [step for step, _ in render._steps(cracked, times)] == steps
+
+
+def test_another_time_than_the_wanted_one_is_told(cracked, capsys):
+    render._steps(cracked, [5e-3, 2.6e-3])
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert "no fields are stored at 2.6 ms: drawn at the nearest time, 5 ms" in told
+
+
+def test_pictures_of_other_shots_have_other_names():
+    shots = [
+        Shot(view="above"),
+        Shot(view="above", section=("x", 0.0)),
+        Shot(view="above", section=("x", 2e-3)),
+        Shot(azimuth=25.0, elevation=-35.0),
+        Shot(colour="energy"),
+    ]
+    names = [shot.name for shot in shots]
+    assert names == ["above", "above_x0", "above_x0.002", "below_az25_el-35", "below_energy"]
+    assert all(_OWN_FILES.fullmatch(f"shot_1.4ms_{name}.png") for name in names)
 
 
 def test_without_a_vulkan_device_one_line_says_how_to_get_one(cracked, monkeypatch, capsys):
@@ -154,9 +211,9 @@ def test_cracks_show(pictures):
         name = f"crack_10ms_{view}.png"
         differs = np.abs(pictures[f"cracked {name}"] - pictures[f"intact {name}"]).max(axis=2) > 0.1
         assert differs.mean() > 0.005
-    # The key at the bottom aside, a whole plate has no colours but greys.
+    # The key at the bottom and the blue striker aside, a whole plate has no colours but greys.
     whole = pictures["intact crack_10ms_below.png"][:900]
-    assert np.ptp(whole, axis=2).max() < 0.1
+    assert (whole[..., 0] - whole[..., 2]).max() < 0.1
     assert np.ptp(pictures["cracked crack_10ms_below.png"][:900], axis=2).max() > 0.3
 
 
@@ -168,3 +225,10 @@ def test_seen_from_below_plus_x_is_on_the_left(pictures):
     row = differs[differs[:, 500:680].sum(axis=1).argmax()]
     assert row[500:680].mean() > 0.9
     assert not row[760:830].any()  # between the middle and the circular crack
+
+
+@needs_vulkan
+def test_the_striker_shows_over_the_plate(pictures):
+    image = pictures["intact crack_10ms_above.png"][100:900]
+    blue = image[..., 2] - image[..., 0] > 0.15
+    assert 0.002 < blue.mean() < 0.1

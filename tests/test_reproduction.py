@@ -100,7 +100,7 @@ def test_the_report_stands_beside_the_paper(tmp_path: Path) -> None:
     text = write(items, Context(tmp_path), failed)
     # of the synthetic summary, the paper's text and its Table 1
     assert "| P1 [N] | 605 | 600 |  | +1 % from the paper |" in text
-    t2 = "| t2 [ms] | none | 7.50 | 6.40 to 9.40 |"
+    t2 = "| t2 (force) [ms] | none | 7.50 | 6.40 to 9.40 |"
     summary = run.read_summary()
     t2 = t2.replace("none", f"{1e3 * summary['failure_time_s']:.2f}")
     assert t2 in text

@@ -53,8 +53,9 @@ def test_a_folder_with_anything_in_it_is_refused_and_left_alone(tmp_path):
 
 def test_force_removes_what_a_run_writes_and_nothing_else(tmp_path):
     own = ["scene.toml", "history.csv", "fields.vtkhdf", "summary.json", "force.png"]
-    own += ["crack_map.png", "crack_7.5ms_below.png"]
-    foreign = ["notes.md", "photo.png", "crack_photo.png", "scene.toml.bak"]
+    own += ["crack_map.png", "crack_7.5ms_below.png", "shot_1.4ms.png"]
+    own += ["shot_1.4ms_above_x0.png", "shot_2ms_cut_az25_el-35_z1e-05_energy.png"]
+    foreign = ["shot_1.4ms_mine.png", "notes.md", "photo.png", "crack_photo.png", "scene.toml.bak"]
     for name in (*own, *foreign):
         (tmp_path / name).write_text("x")
     (tmp_path / "sub").mkdir()

@@ -259,7 +259,7 @@ def _mark_times(axes: Axes, group: Set) -> None:
     """Each member's t1 and t2 as ticks on the panel's lower edge."""
     for name, text, color in (
         ("first_peak_time_s", "$t_1$ of the members", "C2"),
-        ("failure_time_energy_s", "$t_2$ of the members (strain energy)", "C1"),
+        ("failure_time_energy_s", "$t_2$ (energy) of the members", "C1"),
     ):
         at = _MS * np.array(numbers_of(group.rows, name))
         place = axes.get_xaxis_transform()

@@ -41,6 +41,8 @@ IMPACT = (
 """Numbers of a falling-weight test's summary that go into the table."""
 COST = ("wall_s", "compile_s", "bars_per_s", "steps", "bars", "nodes")
 CONFIDENCE = 0.95
+FEWEST = 3
+"""Members from which on there is a confidence interval: Student's t of two is 12.7 deviations."""
 WAITING = "waiting"
 
 
@@ -122,8 +124,8 @@ class Statistics:
 
     Attributes:
         count: members that have the number.
-        standard_deviation: with count - 1; None for one member, like the interval.
-        interval: of the mean, 95 %, by Student's t.
+        standard_deviation: with count - 1; None for one member.
+        interval: of the mean, 95 %, by Student's t; None for fewer than three members.
     """
 
     count: int
@@ -148,9 +150,11 @@ def statistics(values: Sequence[float]) -> Statistics | None:
     low, high = float(min(values)), float(max(values))
     if count == 1:
         return Statistics(count, mean, None, None, low, high)
+    deviation = float(np.std(values, ddof=1))
+    if count < FEWEST:
+        return Statistics(count, mean, deviation, None, low, high)
     from scipy.stats import t
 
-    deviation = float(np.std(values, ddof=1))
     half = float(t.ppf(0.5 + CONFIDENCE / 2, count - 1)) * deviation / math.sqrt(count)
     return Statistics(count, mean, deviation, (mean - half, mean + half), low, high)
 
@@ -188,7 +192,7 @@ def write_statistics(plan: Plan, folder: Path, rows: Sequence[Row]) -> Path:
                 "members": len(group),
                 "finished": sum(row.state == FINISHED for row in group),
                 "statistics": {
-                    name: asdict(found)
+                    name: asdict(found) | ({"interval": None} if name == "wall_s" else {})
                     for name in (*names, "wall_s")
                     if (found := statistics(numbers_of(group, name))) is not None
                 },

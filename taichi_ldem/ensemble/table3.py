@@ -13,6 +13,7 @@ from taichi_ldem.durable import write_whole
 from taichi_ldem.ensemble.attempt import FINISHED
 from taichi_ldem.ensemble.plan import CV, SEED, Plan
 from taichi_ldem.ensemble.results import Row, groups, numbers_of, statistics
+from taichi_ldem.numbers import at_end
 from taichi_ldem.paper import EXPERIMENTS, P1_N, P2_N, T1_S, T2_S, TABLE_3, is_papers_test
 
 COLUMNS = (
@@ -22,18 +23,20 @@ COLUMNS = (
     ("onset [ms]", "damage_onset_time_s", 1e3, 2, 2),
     ("t1 [ms]", "first_peak_time_s", 1e3, 2, 2),
     ("P1 [N]", "first_peak_force_n", 1.0, 0, 0),
-    ("t2, energy [ms]", "failure_time_energy_s", 1e3, 2, 2),
-    ("t2, velocity [ms]", "failure_time_velocity_s", 1e3, 2, 2),
+    ("t2 (energy) [ms]", "failure_time_energy_s", 1e3, 2, 2),
+    ("t2 (velocity) [ms]", "failure_time_velocity_s", 1e3, 2, 2),
     ("P2 [N]", "second_peak_force_n", 1.0, 0, 0),
 )
 """Title, number of the summary, factor, and digits of a value and of a mean."""
 
 EXPLAINED = """\
 Values of the members in the order of their seeds, and below them mean ± half of the 95 % confidence
-interval of the mean (Student's t) over those that have the number; "-": a member has none. d_r:
-circle through the radial tips at t2 (largest strain energy); d_c: circle through the circular crack
-at the end; onset: dissipated energy leaves zero.
+interval of the mean (Student's t) over those that have the number, for three or more; "-": a
+member has none. d_r: circle through the radial tips at t2 (energy), the largest strain energy; "*":
+measured at the end, for want of a failure by the strain energy; d_c: circle through the circular
+crack at the end; onset: dissipated energy leaves zero.
 """
+AT_T2 = ("radial_cracks", "radial_diameter_m")
 
 
 def label(group: Sequence[tuple[str, Any]]) -> str:
@@ -88,8 +91,12 @@ def _line(name: str, cells: Sequence[str]) -> str:
 
 def _values(rows: Sequence[Row], column: tuple[str, str, float, int, int]) -> str:
     _, name, factor, digits, _ = column
-    found = [row.numbers.get(name) for row in rows]
-    return " ".join("-" if v is None else f"{factor * v:.{digits}f}" for v in found) or "-"
+    cells = []
+    for row in rows:
+        value = row.numbers.get(name)
+        star = "*" if name in AT_T2 and at_end(row.numbers) else ""
+        cells.append("-" if value is None else f"{factor * value:.{digits}f}{star}")
+    return " ".join(cells) or "-"
 
 
 def _mean(rows: Sequence[Row], column: tuple[str, str, float, int, int]) -> str:
@@ -99,7 +106,7 @@ def _mean(rows: Sequence[Row], column: tuple[str, str, float, int, int]) -> str:
         return "-"
     mean = f"{factor * found.mean:.{digits}f}"
     if found.half_interval is None:
-        return f"{mean} (one)"
+        return f"{mean} ({'one' if found.count == 1 else 'two'})"
     some = "" if found.count == len(rows) else f" ({found.count} of {len(rows)})"
     return f"{mean} ± {factor * found.half_interval:.{digits}f}{some}"
 

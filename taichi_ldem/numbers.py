@@ -1,0 +1,166 @@
+"""Names, units and digits of a summary's numbers: the same on every page and in every table."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from taichi_ldem.scene import Scene
+
+_NOTHING = 1e-3  # of the largest of a list: what is less is shown as 0
+
+
+@dataclass(frozen=True)
+class Number:
+    """How a number of ``summary.json`` is shown.
+
+    Attributes:
+        factor: from SI to ``unit``.
+    """
+
+    label: str
+    unit: str = ""
+    factor: float = 1.0
+
+    @property
+    def title(self) -> str:
+        """Label with its unit, for the head of a column."""
+        return f"{self.label} [{self.unit}]" if self.unit else self.label
+
+    def shown(self, value: Any) -> str:
+        """Three digits in the unit, whole numbers whole; "none" without a value."""
+        if isinstance(value, (list, tuple)):
+            least = _NOTHING * max((abs(v) for v in value if isinstance(v, float)), default=0.0)
+            items = [0.0 if isinstance(v, float) and abs(v) < least else v for v in value]
+            return ", ".join(self.shown(item) for item in items) or "none"
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            return "none" if value is None else str(value)
+        if self.factor == 1.0 and (isinstance(value, int) or (not self.unit and value % 1 == 0)):
+            return f"{value:,.0f}"  # a count
+        return three_digits(self.factor * value)
+
+    def told(self, value: Any) -> str:
+        """The same with its unit."""
+        return f"{self.shown(value)} {'' if value is None else self.unit}".strip()
+
+
+def three_digits(value: float) -> str:
+    """Three significant digits without an exponent, where the value is not very small."""
+    if not math.isfinite(value):
+        return "none"
+    size = 0 if value == 0 else math.floor(math.log10(abs(value)))
+    if value and size < -4:
+        return f"{value:.2e}"
+    rounded = round(value, 2 - size) + 0.0
+    size = 0 if rounded == 0 else math.floor(math.log10(abs(rounded)))
+    return f"{rounded:,.{min(max(2 - size, 0), 6)}f}" if rounded else "0"
+
+
+_MS, _MM = ("ms", 1e3), ("mm", 1e3)
+NUMBERS: dict[str, Number] = {
+    "damage_onset_time_s": Number("onset of damage", *_MS),
+    "first_peak_force_n": Number("first peak P1", "N"),
+    "first_peak_time_s": Number("its time t1", *_MS),
+    "second_peak_force_n": Number("second peak P2", "N"),
+    "second_peak_time_s": Number("time of P2", *_MS),
+    "failure_time_s": Number("failure t2 (force)", *_MS),
+    "failure_time_velocity_s": Number("failure t2 (velocity)", *_MS),
+    "failure_time_energy_s": Number("failure t2 (energy)", *_MS),
+    "peak_load_n": Number("peak load (ASTM D3763)", "N"),
+    "peak_load_time_s": Number("its time", *_MS),
+    "deflection_at_peak_load_m": Number("deflection at peak load", *_MM),
+    "energy_at_peak_load_j": Number("energy to peak load", "J"),
+    "total_energy_j": Number("total energy", "J"),
+    "striker_velocity_end_m_s": Number("striker velocity at the end", "m/s"),
+    "contact_striker_j": Number("lost in contact with the striker", "J"),
+    "contact_rings_j": Number("lost in contact with the rings", "J"),
+    "radial_cracks": Number("radial cracks"),
+    "radial_diameter_m": Number("d_r, circle of the radial tips", *_MM),
+    "radial_centre_m": Number("its centre", *_MM),
+    "radial_scatter_m": Number("tips off it (rms)", *_MM),
+    "radial_time_s": Number("time of the radial cracks' count", *_MS),
+    "radial_tip_m": Number("furthest radial tip from the axis", *_MM),
+    "circular_diameter_m": Number("d_c, circular crack", *_MM),
+    "circular_centre_m": Number("its centre", *_MM),
+    "circular_scatter_m": Number("points off it (rms)", *_MM),
+    "circular_coverage": Number("circular crack, share of the turn", "%", 100.0),
+    "crack_length_m": Number("length of all cracks, without the core", *_MM),
+    "crack_speed_mean_m_s": Number("mean speed of the furthest tip", "m/s"),
+    "crack_speed_max_m_s": Number("its largest speed", "m/s"),
+    "fracture_j": Number("fracture energy", "J"),
+    "contact_j": Number("lost in contact", "J"),
+    "broken_bars": Number("broken bars"),
+    "youngs_modulus": Number("Young's modulus", "GPa", 1e-9),
+    "poisson_ratio": Number("Poisson's ratio"),
+    "strength": Number("strength", "MPa", 1e-6),
+    "peak_force_n": Number("peak force", "N"),
+    "peak_time_s": Number("time of the peak", *_MS),
+    "peak_work_j": Number("work at the peak", "mJ", 1e3),
+    "energy_error": Number("energy error, of the initial energy", "%", 100.0),
+    "energy_error_of_plate": Number("energy error, of what the plate was given", "%", 100.0),
+    "wall_s": Number("time of stepping", "s"),
+    "compile_s": Number("time of set-up (import, compilation)", "s"),
+    "steps": Number("steps"),
+    "time_step_s": Number("time step", "ns", 1e9),
+    "critical_time_step_s": Number("critical time step", "ns", 1e9),
+    "bars": Number("bars"),
+    "nodes": Number("nodes"),
+    "bars_per_s": Number("speed", "million bars a second", 1e-6),
+    "disorder.fracture_energy_cv": Number("CV of the fracture energy", "%", 100.0),
+    "disorder.youngs_modulus_cv": Number("CV of Young's modulus", "%", 100.0),
+    "disorder.density_cv": Number("CV of the density", "%", 100.0),
+    "disorder.seed": Number("seed"),
+    "peak_memory_bytes": Number("largest memory of the process", "MB", 1e-6),
+}
+MEASURED_AT_END = "measured at the end: no failure by the strain energy"
+"""Of radial cracks and d_r in a record without t2 (energy)."""
+
+
+_ENDINGS = {
+    "_j_m2": "J/m2",
+    "_m_s": "m/s",
+    "_m2": "m2",
+    "_hz": "Hz",
+    "_pa": "Pa",
+    "_m": "m",
+    "_n": "N",
+    "_j": "J",
+    "_s": "s",
+}
+
+
+def named(key: str) -> Number:
+    """How a number is shown; a scene's key as it is, of another unknown one the words, in SI."""
+    if "." in key and key not in NUMBERS:
+        return Number(key, unit_of(key))
+    if key in NUMBERS:
+        return NUMBERS[key]
+    ending, unit = next((item for item in _ENDINGS.items() if key.endswith(item[0])), ("", ""))
+    return Number(key.removesuffix(ending).replace("_", " "), unit)
+
+
+def at_end(numbers: Mapping[str, Any]) -> bool:
+    """Whether radial cracks were measured at the end, for want of a failure."""
+    measured = numbers.get("radial_diameter_m") is not None or bool(numbers.get("radial_cracks"))
+    return measured and numbers.get("failure_time_energy_s") is None
+
+
+_UNIT = re.compile(
+    r"(?:^|, )(m\^-1/2|kg/m3|J/m2|m/s2|m/s|1/s|Pa|kg|Hz|degrees|seconds|m|s)(?=$|[,;]| of wall)"
+)
+
+
+def unit_of(key: str) -> str:
+    """Unit of a scene's key ("striker.mass"), from the schema's words; "" where it has none."""
+    table, _, name = key.partition(".")
+    field = Scene.model_fields.get(table)
+    kinds = [field.annotation, *getattr(field.annotation, "__args__", ())] if field else []
+    for kind in kinds:
+        inner = getattr(kind, "model_fields", {}).get(name)
+        if inner is not None:
+            found = _UNIT.search(inner.description or "")
+            return "" if found is None else found[1].replace("seconds", "s")
+    return ""
