@@ -137,7 +137,7 @@ def test_a_node_that_is_inside_gets_nothing_but_what_stops_it_there(taichi: None
     assert -depth < hit.distance[0].min() < -0.8 * depth
     assert hit.distance.min() == pytest.approx(hit.distance[0].min(), rel=1e-6)
     assert np.abs(hit.velocity).max() <= hit.speed * (1 + 1e-12)
-    assert 0 < hit.lost.min()
+    assert hit.lost.min() > 0
     assert hit.lost.max() < energy
     assert hit.errors.max() < 5e-4
     np.testing.assert_allclose(hit.momentum, hit.mass * hit.speed, rtol=1e-12)
