@@ -196,6 +196,7 @@ def figure(settings: Sequence[Setting], file: Path) -> None:
 
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
+    from matplotlib.ticker import LogLocator, NullLocator
 
     drawing = plt.figure(figsize=(11, 6.5), layout="constrained")
     for axes, (name, (title, scale, _)) in zip(
@@ -219,6 +220,12 @@ def figure(settings: Sequence[Setting], file: Path) -> None:
                 label=label,
             )
         axes.set_xscale("log")
+        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_locator(NullLocator())
+        if not any(s.values[name] for s in settings):
+            axes.text(0.5, 0.5, "no run has one", transform=axes.transAxes, ha="center")
+            axes.set(xticks=[], yticks=[])
         axes.set(xlabel="seconds a run, one core", title=title)
         axes.grid(alpha=0.3, which="both")
     handles, labels = axes.get_legend_handles_labels()
