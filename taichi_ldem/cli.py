@@ -291,7 +291,7 @@ def render(
 ) -> None:
     """Draw the snapshots of a run again, or a movie.
 
-    With a view, camera, section or colour of its own a snapshot is one picture, shot_MS.png.
+    With a view, camera, section or colour of its own a snapshot is one picture, shot_MSms_VIEW.png.
     """
     from taichi_ldem.render import Shot, parse_section, render_run
     from taichi_ldem.store import RunFolder
