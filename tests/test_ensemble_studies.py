@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from taichi_ldem.cracks import RadialCrack
+from taichi_ldem.ensemble.attempt import FINISHED
 from taichi_ldem.ensemble.plan import CV, SEED
+from taichi_ldem.ensemble.results import Row
 from taichi_ldem.scene import SceneError, load_scene
 from taichi_ldem.studies import bias, size_effect
 
@@ -103,3 +105,17 @@ def test_interval_of_a_deviation():
 def test_a_number_that_no_member_has():
     with pytest.raises(SceneError, match="--number toughness: no finished member has it"):
         size_effect.report(specimens(3, 60e6, 1e6, 1), "toughness", 1.0)
+
+
+def test_numbers_over_those_of_the_homogeneous_specimen():
+    def made(modules: int, cv: float, strength: float) -> Row:
+        settings = [f"plate.modules_through_thickness={modules}"]
+        settings += [f"disorder.fracture_energy_cv={cv}"] if cv else []
+        found = row(settings, {size_effect.MODULES: modules, CV: cv})
+        return Row(found.member, {"strength": strength}, (), FINISHED)
+
+    rows = [made(3, 0.0, 50.0), made(3, 0.25, 40.0), made(6, 0.25, 30.0)]
+    with pytest.raises(SceneError, match="no finished homogeneous specimen has 6 modules"):
+        size_effect.over_homogeneous(rows, "strength")
+    found = size_effect.over_homogeneous([*rows, made(6, 0.0, 40.0)], "strength")
+    assert [r.numbers["strength"] for r in found] == pytest.approx([40 / 50, 30 / 40])

@@ -1,17 +1,20 @@
 """Does a number's scatter depend on the module size? Two resolutions of random specimens.
 
-    python -m taichi_ldem.studies.size_effect ENSEMBLE [--number strength]
+    python -m taichi_ldem.studies.size_effect ENSEMBLE [--number strength] [--over-homogeneous]
 
 Reads an ensemble that varies ``plate.modules_through_thickness`` and seeds (and anything else) and
 prints, for each group, mean and CV of a number of the summary with 95 % confidence intervals
 (Student's t; chi squared), and for each pair of resolutions of otherwise equal groups whether means
 (Welch's t test) and spreads (Brown and Forsythe's test: Levene's about the medians) differ.
+With ``--over-homogeneous`` numbers are taken over those of the homogeneous specimen with as many
+modules, whose own number depends on the modules where a notch or an edge does.
 """
 
 import argparse
 import itertools
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +37,7 @@ def line(name: str, values: Sequence[float], scale: float) -> str:
     low, high = deviation_interval(found.standard_deviation, found.count)
     cv = [100 * s / found.mean for s in (found.standard_deviation, low, high)]
     return (
-        f"| {name} | {found.count} | {found.mean / scale:.2f} ± {half / scale:.2f} "
+        f"| {name} | {found.count} | {found.mean / scale:.4g} ± {half / scale:.2g} "
         f"| {cv[0]:.2f} ({cv[1]:.2f} to {cv[2]:.2f}) |"
     )
 
@@ -55,6 +58,29 @@ def compared(first: Sequence[float], second: Sequence[float]) -> tuple[float, fl
     means = ttest_ind(first, second, equal_var=False).pvalue
     spreads = levene(first, second, center="median").pvalue
     return float(np.mean(second) / np.mean(first)), float(means), float(spreads)
+
+
+def over_homogeneous(rows: Sequence[Row], number: str) -> list[Row]:
+    """The random specimens' rows, their number over that of the homogeneous one of their modules.
+
+    Raises:
+        SceneError: there is no homogeneous specimen with so many modules.
+    """
+    base = {
+        row.member.scene.plate.modules_through_thickness: value
+        for row in rows
+        if row.member.scene.disorder is None
+        for value in numbers_of([row], number)
+    }
+    scaled = []
+    for row in rows:
+        modules = row.member.scene.plate.modules_through_thickness
+        if row.member.scene.disorder is None or not numbers_of([row], number):
+            continue
+        if modules not in base:
+            raise SceneError(f"no finished homogeneous specimen has {modules} modules")
+        scaled.append(replace(row, numbers={number: row.numbers[number] / base[modules]}))
+    return scaled
 
 
 def report(rows: Sequence[Row], number: str, scale: float) -> str:
@@ -89,9 +115,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("ensemble", type=Path)
     parser.add_argument("--number", default="strength", help="of the summaries")
     parser.add_argument("--scale", type=float, default=1.0, help="numbers are shown over it")
+    parser.add_argument("--over-homogeneous", action="store_true", help="see the module")
     given = parser.parse_args(arguments)
     try:
         rows = read_rows(read_plan(given.ensemble), given.ensemble)
+        if given.over_homogeneous:
+            rows = over_homogeneous(rows, given.number)
         print(report(rows, given.number, given.scale))
     except SceneError as error:
         print(error)
