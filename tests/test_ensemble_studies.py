@@ -12,6 +12,7 @@ from taichi_ldem.ensemble.plan import CV, SEED
 from taichi_ldem.ensemble.results import Row
 from taichi_ldem.scene import SceneError, load_scene
 from taichi_ldem.studies import bias, size_effect
+from taichi_ldem.studies import specimens as specimens_study
 
 SCENE = Path(__file__).parent / "scenes/cracking.toml"
 
@@ -86,7 +87,7 @@ def test_a_size_effect_is_seen_and_its_absence_too():
         specimens(3, 60e6, 3e6, 1) + specimens(6, 50e6, 1e6, 2), "strength", 1e6
     )
     *_, last = table.strip().splitlines()
-    _, _, pair, ratio, means, spreads, _ = (cell.strip() for cell in last.split("|"))
+    _, _, pair, ratio, means, spreads, _, _ = (cell.strip() for cell in last.split("|"))
     assert pair == "3, 6"
     assert float(ratio) == pytest.approx(50 / 60, abs=0.02)
     assert float(means) < 1e-6
@@ -94,6 +95,14 @@ def test_a_size_effect_is_seen_and_its_absence_too():
     same = [[r.numbers["strength"] for r in specimens(3, 60e6, 3e6, seed)] for seed in (3, 4)]
     _, means, spreads = size_effect.compared(*same)
     assert min(means, spreads) > 0.05
+
+
+def test_seeds_are_compared_in_pairs():
+    # differences of 1, 2 and 3 over a mean of 20: 2 +- 4.303 (t, two degrees) x 1 / sqrt 3
+    assert size_effect.seed_by_seed([10.0, 20.0, 30.0], [11.0, 22.0, 33.0]) == (
+        "+10.0 ± 12.4 % (p = 0.074)"
+    )
+    assert size_effect.seed_by_seed([1.0], [1.0, 2.0]) == "-"
 
 
 def test_interval_of_a_deviation():
@@ -119,3 +128,18 @@ def test_numbers_over_those_of_the_homogeneous_specimen():
         size_effect.over_homogeneous(rows, "strength")
     found = size_effect.over_homogeneous([*rows, made(6, 0.0, 40.0)], "strength")
     assert [r.numbers["strength"] for r in found] == pytest.approx([40 / 50, 30 / 40])
+
+
+def test_two_groups_of_specimens_differ_where_welch_says_so():
+    """Two samples of eight: means 10 and 13, deviations 1 and 2, by construction."""
+    eight = np.array([-1.0, -1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0]) * np.sqrt(7 / 8)
+    first, second = 13 + 2 * eight, 10 + eight
+    value, half, p = specimens_study.difference(first, second)
+    # t = 3 / sqrt(1 / 8 + 4 / 8) = 3.795, 25 / 17 x 7 = 10.3 degrees of freedom, t(0.975) = 2.22
+    assert value == pytest.approx(0.3)
+    assert half == pytest.approx(2.22 * np.sqrt(5 / 8) / 10, rel=2e-3)
+    assert 0.002 < p < 0.005  # t = 3.795 lies between 3.58 (0.005) and 4.14 (0.002) of 10 degrees
+    plain = dict.fromkeys(specimens_study.QUANTITIES, second)
+    table = specimens_study.report({"a": plain, "b": plain | {"P1": first}})
+    assert table.splitlines()[-1].count("(+0 ") == len(plain) - 1
+    assert "| +30 ± 18 % |" in table

@@ -5,7 +5,8 @@
 Reads an ensemble that varies ``plate.modules_through_thickness`` and seeds (and anything else) and
 prints, for each group, mean and CV of a number of the summary with 95 % confidence intervals
 (Student's t; chi squared), and for each pair of resolutions of otherwise equal groups whether means
-(Welch's t test) and spreads (Brown and Forsythe's test: Levene's about the medians) differ.
+(Welch's t test; and seed by seed, since one seed is one field at any resolution where there is a
+correlation length) and spreads (Brown and Forsythe's test: Levene's about the medians) differ.
 With ``--over-homogeneous`` numbers are taken over those of the homogeneous specimen with as many
 modules, whose own number depends on the modules where a notch or an edge does.
 """
@@ -60,6 +61,18 @@ def compared(first: Sequence[float], second: Sequence[float]) -> tuple[float, fl
     return float(np.mean(second) / np.mean(first)), float(means), float(spreads)
 
 
+def seed_by_seed(first: Sequence[float], second: Sequence[float]) -> str:
+    """Second less first, in pairs, over the first's mean, with 95 % interval and p (Student)."""
+    from scipy.stats import ttest_rel
+
+    if len(first) != len(second):
+        return "-"
+    test, mean = ttest_rel(second, first), float(np.mean(first))
+    interval = test.confidence_interval()
+    middle, half = 0.5 * (interval.low + interval.high), 0.5 * (interval.high - interval.low)
+    return f"{100 * middle / mean:+.1f} ± {100 * half / mean:.1f} % (p = {test.pvalue:.2g})"
+
+
 def over_homogeneous(rows: Sequence[Row], number: str) -> list[Row]:
     """The random specimens' rows, their number over that of the homogeneous one of their modules.
 
@@ -94,8 +107,8 @@ def report(rows: Sequence[Row], number: str, scale: float) -> str:
         raise SceneError(f"--number {number}: no finished member has it")
     lines = [f"| specimens | runs | {number} | CV [%] |", "|---|---|---|---|"]
     lines += [line(label(key), values, scale) for key, values in found.items()]
-    lines += ["", "| specimens | modules | ratio of means | p, means | p, spreads |"]
-    lines.append("|---|---|---|---|---|")
+    heads = ("specimens", "modules", "ratio of means", "p, means", "p, spreads", "seed by seed")
+    lines += ["", f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for (key, first), (other, second) in itertools.combinations(found.items(), 2):
         mine, theirs = dict(key), dict(other)
         pair = (mine.pop(MODULES, None), theirs.pop(MODULES, None))
@@ -103,9 +116,9 @@ def report(rows: Sequence[Row], number: str, scale: float) -> str:
             continue
         ratio, means, spreads = compared(first, second)
         same: tuple[tuple[str, Any], ...] = tuple(mine.items())
-        lines.append(
-            f"| {label(same)} | {pair[0]}, {pair[1]} | {ratio:.3f} | {means:.2g} | {spreads:.2g} |"
-        )
+        cells = [label(same), f"{pair[0]}, {pair[1]}", f"{ratio:.3f}", f"{means:.2g}"]
+        cells += [f"{spreads:.2g}", seed_by_seed(first, second)]
+        lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
 
 
