@@ -370,7 +370,8 @@ def _fig6(context: Context) -> Section:
     bar = 1e-6 * scene.material.youngs_modulus * failure_strain(scene.material)
     why = (
         f"The paper's columns are its measurements. A bar holds E eps_p = {bar:.1f} MPa; free "
-        "faces lower E by the share of a layer of half a module; nothing in the law is viscous."
+        "faces lower E by the share of a layer of half a module; the fillets are stairs of "
+        "modules, and each step is a notch (docs/tension.md); nothing in the law is viscous."
     )
     return Section(rows, _pictures(context, "tension", stress_strain="stress over strain"), why=why)
 
