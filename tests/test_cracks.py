@@ -279,7 +279,7 @@ def test_any_broken_bars_can_be_measured() -> None:
     rng = np.random.default_rng(0)
     for _ in range(60):
         modules = rng.integers(1, (40, 40, 7))
-        spacing = 10 ** rng.uniform(-4, 0)
+        spacing = 10 ** rng.uniform(-4, -1)
         x, y, z = (float(n) for n in modules * spacing)
         plate = Plate(size=(x, y, z), modules_through_thickness=int(modules[2]))
         count = int(rng.choice([0, 1, 2, 5, 500, 20_000]))

@@ -64,7 +64,7 @@ def test_shipped_scenes_hold_no_slips(config: Path) -> None:
 def test_steps_that_are_known_are_not_estimated() -> None:
     scene = load_scene(QUICK)
     assert any("about 12.3 million steps" in line for line in warnings(scene, 12_300_000))
-    many = scene.changed("solver.time_step=1e-10")  # 2.4 ms
+    many = scene.changed("solver.time_step=1e-10", "solver.duration=2.4e-3")
     assert any("about 24 million steps" in line for line in warnings(many))
 
 
