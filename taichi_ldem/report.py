@@ -696,10 +696,10 @@ def _force(scene: Scene, history: Mapping[str, Series], summary: Mapping[str, An
             sign = RING_SIGN if name == "ring" else ""
             traces.append(_line(_MS * time, other, f"{name}s, {average}{sign}", _GREEN, 1.2))
             shown.append(other)
-    for cutoff in scene.output.filter_frequencies:
+    for number, cutoff in enumerate(scene.output.filter_frequencies):
         filtered = low_pass(time, force, cutoff, _number(summary, "first_peak_time_s"))
         name = f"striker, low-pass at {cutoff / 1e3:g} kHz after t1"
-        traces.append(_line(_MS * time, filtered, name, _ORANGE))
+        traces.append(_line(_MS * time, filtered, name, (_ORANGE, _VIOLET)[number % 2]))
     for label, peak, at in (
         ("P1", "first_peak_force_n", "first_peak_time_s"),
         ("P2", "second_peak_force_n", "second_peak_time_s"),

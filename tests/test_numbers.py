@@ -28,6 +28,8 @@ def test_three_digits(value, shown):
 def test_numbers_are_told_in_their_units():
     assert named("failure_time_s").told(1.79e-3) == "1.79 ms"
     assert named("failure_time_s").told(None) == "none"
+    assert named("loading_rate_pa_s").told(1.52e11) == "152 GPa/s"
+    assert named("strain_rate_1_s").title == "strain rate [1/s]"
     assert named("radial_cracks").shown(4) == named("radial_cracks").shown(4.0) == "4"
     assert named("radial_cracks").shown(4.5) == "4.50"
     assert named("broken_bars").shown(1234567) == "1,234,567"
