@@ -106,11 +106,12 @@ def force_peaks(time: Array, force: Array, onset: float | None) -> ForcePeaks:
     if onset is None:
         return ForcePeaks()
     smooth = smooth_force(time, force)
-    first = _first_peak(smooth, int(np.searchsorted(time, onset)))
+    begin = int(np.searchsorted(time, onset))
+    first = _first_peak(smooth, begin)
     if first is None:
         return ForcePeaks()
     found = ForcePeaks(float(smooth[first]), float(time[first]))
-    end = _failure(smooth, int(np.searchsorted(time, onset)))
+    end = _failure(smooth, begin)
     if end < len(time):
         found = replace(found, failure_time=float(time[end]))
     # the valley after the first peak ends where the force has come back by as much as it fell

@@ -11,7 +11,6 @@ show that they are alike. Forces are smoothed over a window that fits the specim
 
 import argparse
 import itertools
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -53,11 +52,9 @@ def read_groups(ensembles: Sequence[Path], prefix: bool = False) -> dict[str, Gr
         for row in read_rows(read_plan(ensemble), ensemble):
             if row.state != FINISHED:
                 continue
-            folder = ensemble / MEMBERS / row.member.name
-            numbers = read(folder, row.member.scene)
-            summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-            numbers["onset"] = summary["damage_onset_time_s"]
-            numbers["t2_energy"] = summary["failure_time_energy_s"]
+            numbers = read(ensemble / MEMBERS / row.member.name, row.member.scene)
+            numbers["onset"] = row.numbers["damage_onset_time_s"]
+            numbers["t2_energy"] = row.numbers["failure_time_energy_s"]
             name = f"{ensemble.name}: {label(row)}" if prefix else label(row)
             group = found.setdefault(name, {key: [] for key in QUANTITIES})
             for key, values in group.items():
