@@ -32,8 +32,8 @@ slow: $(VENV)/.dev vulkan ## tests that take minutes: fuzzing, kills, faults
 
 # The wheel in a clean environment: newest dependencies, then the lowest that are admitted.
 wheel: $(VENV)/.dev ## the wheel, installed into a clean environment
-	$(BIN)/python tests/clean_install.py
-	$(BIN)/python tests/clean_install.py --lowest
+	$(BIN)/python tests/support/clean_install.py
+	$(BIN)/python tests/support/clean_install.py --lowest
 
 # The versions that the checks ran with; elsewhere the bounds of pyproject.toml decide.
 lock: $(VENV)/.dev ## write requirements-dev.lock from .venv

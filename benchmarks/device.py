@@ -75,7 +75,7 @@ def deviations(mine: dict[str, Any], theirs: dict[str, Any], precision: str) -> 
 
 def cracking(arch: str, precision: str, out: Path) -> dict[str, Any]:
     """History of the small plate on a backend."""
-    from taichi_ldem.store import RunFolder
+    from taichi_ldem.storage.store import RunFolder
 
     run_scene("impact.toml", arch, precision, out, CRACKING)
     return RunFolder.open(out).read_history()
@@ -149,8 +149,8 @@ def copy_bandwidth(arch: str, small: bool) -> float:
 
 
 def _started(arch: str) -> Any:
-    from taichi_ldem import backend
     from taichi_ldem.scene import Solver
+    from taichi_ldem.solver import backend
 
     backend.start(Solver(duration=1.0, arch=arch))
     import taichi as ti

@@ -3,8 +3,8 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from taichi_ldem.lanes import Lanes
     from taichi_ldem.scene import Scene
+    from taichi_ldem.solver.lanes import Lanes
 
 SIZES = (15, 30, 60, 174, 485)
 """Modules along the sides of square plates of six modules: 20 k, 79 k, 310 k, 2.6 M, 20 M bars."""

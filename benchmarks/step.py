@@ -32,8 +32,8 @@ def main() -> None:
     import numpy as np
     from layout import passes_bytes, scaled, step_bytes
 
-    from taichi_ldem import backend
     from taichi_ldem.scene import load_scene
+    from taichi_ldem.solver import backend
 
     begun = time.perf_counter()
     solver = [f"solver.precision={options.precision}", f"solver.threads={options.threads}"]
@@ -42,7 +42,7 @@ def main() -> None:
     if options.modules:
         scene = load_scene(options.scene, solver + scaled(scene, options.modules))
     backend.start(scene.solver)
-    from taichi_ldem.simulation import Simulation
+    from taichi_ldem.solver.simulation import Simulation
 
     simulation = Simulation(scene)
     dynamics = simulation.dynamics

@@ -33,14 +33,14 @@ def main() -> None:
     import numpy as np
     import taichi as ti
 
-    from taichi_ldem import backend
     from taichi_ldem.scene import load_scene
+    from taichi_ldem.solver import backend
 
     solver = [f"solver.precision={options.precision}", f"solver.threads={options.threads}"]
     variants = ["", *options.variants]
     scenes = [load_scene(options.scene, solver + variant.split()) for variant in variants]
     backend.start(scenes[0].solver)
-    from taichi_ldem.simulation import build_dynamics
+    from taichi_ldem.solver.simulation import build_dynamics
 
     plates = [build_dynamics(scene)[0] for scene in scenes]
     for plate in plates:

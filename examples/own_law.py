@@ -1,16 +1,16 @@
 """A softening law of one's own, and a block parted at a plane to see what that costs.
 
 The branch is a parabola: of its force at eps_p a bar keeps ((eps_f - eps)/(eps_f - eps_p))^2.
-Everything is in units of eps_p and EA eps_p (see taichi_ldem/laws.py); the area under the whole law
-must be K_r/2, so that a bar costs G_f A^f: 1/2 + (failure - 1)/3 = K_r/2.
+Everything is in units of eps_p and EA eps_p (see taichi_ldem/solver/laws.py); the area under the
+whole law must be K_r/2, so that a bar costs G_f A^f: 1/2 + (failure - 1)/3 = K_r/2.
 """
 
 import numpy as np
 import taichi as ti
 
 from taichi_ldem import Scene, Simulation
-from taichi_ldem.energy import FRACTURE
-from taichi_ldem.laws import Law, register
+from taichi_ldem.solver.energy import FRACTURE
+from taichi_ldem.solver.laws import Law, register
 
 
 @ti.func

@@ -7,8 +7,8 @@
         history = simulation.run(until=1e-3)
         deflection = -simulation.displacement[:, 2].min()
 
-``taichi_ldem.simulation.Simulation`` is the engine behind it; this class starts Taichi for it,
-gives plain arrays of the nodes that exist, and ends cleanly.
+``taichi_ldem.solver.simulation.Simulation`` is the engine behind it; this class starts Taichi for
+it, gives plain arrays of the nodes that exist, and ends cleanly.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_ldem import backend
 from taichi_ldem.scene import Scene, SceneError, load_scene, parse_scene
-from taichi_ldem.store import RunFolder
+from taichi_ldem.solver import backend
+from taichi_ldem.storage.store import RunFolder
 
 if TYPE_CHECKING:
-    from taichi_ldem.simulation import Sample
-    from taichi_ldem.simulation import Simulation as Engine
+    from taichi_ldem.solver.simulation import Sample
+    from taichi_ldem.solver.simulation import Simulation as Engine
 
 FloatArray = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ class BrokenBars:
 
     Attributes:
         position: (n, 3) mid-points at rest, m.
-        bar: (n,) 0 to 13, see ``taichi_ldem.store.BAR_NUMBERING``.
+        bar: (n,) 0 to 13, see ``taichi_ldem.storage.store.BAR_NUMBERING``.
     """
 
     position: FloatArray
@@ -88,7 +88,7 @@ class Simulation:
             backend.start(solver)
             Simulation._running = wanted
         # not at the top: it has kernels, and Taichi must have been started
-        engine = import_module("taichi_ldem.simulation")
+        engine = import_module("taichi_ldem.solver.simulation")
         self._engine = engine.Simulation(self.scene)
         Simulation._open.add(self)
         self._callbacks: list[Callable[[Simulation, Sample], object]] = []
@@ -103,7 +103,7 @@ class Simulation:
 
     @property
     def engine(self) -> Engine:
-        """The ``taichi_ldem.simulation.Simulation`` behind, for what has no name here."""
+        """The ``taichi_ldem.solver.simulation.Simulation`` behind, for what has no name here."""
         if self._engine is None:
             raise RuntimeError(
                 "this simulation is closed (a later one was started without beside=True, or "

@@ -5,14 +5,14 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from blocks import Breakable, block_scene, restart
-from reference import Body
+from support.blocks import Breakable, block_scene, restart
+from support.reference import Body
 
-from taichi_ldem import backend
 from taichi_ldem.scene import Solver
+from taichi_ldem.solver import backend
 
 if TYPE_CHECKING:
-    from taichi_ldem.simulation import Simulation
+    from taichi_ldem.solver.simulation import Simulation
 
 
 def _program() -> Any:
@@ -40,7 +40,7 @@ def _taichi_is_started_once(request: pytest.FixtureRequest) -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def _elastic_block(taichi: None) -> "Simulation":
-    from taichi_ldem.simulation import Simulation
+    from taichi_ldem.solver.simulation import Simulation
 
     return Simulation(block_scene(20, 3, 2))
 

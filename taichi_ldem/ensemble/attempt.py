@@ -22,11 +22,11 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
-from taichi_ldem.checkpoint import LATEST, PREVIOUS
-from taichi_ldem.durable import refuse_locked, write_whole
 from taichi_ldem.ensemble.plan import ATTEMPTS, MEMBERS, SCENES
 from taichi_ldem.scene import SceneError
-from taichi_ldem.store import RunFolder
+from taichi_ldem.storage.checkpoint import LATEST, PREVIOUS
+from taichi_ldem.storage.durable import refuse_locked, write_whole
+from taichi_ldem.storage.store import RunFolder
 
 POLL = 0.2
 """Seconds between two looks at a child."""

@@ -30,7 +30,7 @@ from taichi_ldem.ensemble.attempt import (
 )
 from taichi_ldem.ensemble.plan import MEMBERS, Member, Plan
 from taichi_ldem.ensemble.pools import Pool
-from taichi_ldem.store import RunFolder
+from taichi_ldem.storage.store import RunFolder
 
 RETRIES = 1
 """How often a member that did not finish is tried again. The only place that does."""

@@ -24,8 +24,6 @@ else:
     import tomli as tomllib
 
 from taichi_ldem import __version__
-from taichi_ldem.durable import write_whole
-from taichi_ldem.provenance import canonical, scene_hash
 from taichi_ldem.scene import (
     Scene,
     SceneError,
@@ -35,6 +33,8 @@ from taichi_ldem.scene import (
     parse_scene,
     scene_to_toml,
 )
+from taichi_ldem.storage.durable import write_whole
+from taichi_ldem.storage.provenance import canonical, scene_hash
 
 CV, SEED = "disorder.fracture_energy_cv", "disorder.seed"
 PLATE_SEED = "plate.perturbation_seed"

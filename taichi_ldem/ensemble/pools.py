@@ -9,7 +9,6 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import Any, Protocol
 
-from taichi_ldem.durable import write_whole
 from taichi_ldem.ensemble.attempt import (
     FAILED,
     GO_ON,
@@ -22,8 +21,9 @@ from taichi_ldem.ensemble.attempt import (
     attempt,
     stop_file,
 )
-from taichi_ldem.memory import available_bytes, needed_bytes
 from taichi_ldem.scene import Scene, SceneError
+from taichi_ldem.solver.memory import available_bytes, needed_bytes
+from taichi_ldem.storage.durable import write_whole
 
 
 class Pool(Protocol):

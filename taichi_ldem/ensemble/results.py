@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from taichi_ldem import __version__
-from taichi_ldem.durable import write_whole
 from taichi_ldem.ensemble.attempt import FINISHED, Outcome, is_finished, read_attempts
 from taichi_ldem.ensemble.plan import MEMBERS, Member, Plan
-from taichi_ldem.store import RunFolder
+from taichi_ldem.storage.durable import write_whole
+from taichi_ldem.storage.store import RunFolder
 
 IMPACT = (
     "damage_onset_time_s",

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from rich.console import Console
 
-from taichi_ldem.durable import LOCK
 from taichi_ldem.ensemble import plan as plans
 from taichi_ldem.ensemble.attempt import Commands, Outcome, solver_commands
 from taichi_ldem.ensemble.conduct import Conductor
@@ -15,7 +14,8 @@ from taichi_ldem.ensemble.plan import Plan
 from taichi_ldem.ensemble.pools import DaskPool, LocalPool, Pool, local_workers
 from taichi_ldem.ensemble.results import read_rows, write_statistics, write_table
 from taichi_ldem.scene import SceneError
-from taichi_ldem.store import RunFolder
+from taichi_ldem.storage.durable import LOCK
+from taichi_ldem.storage.store import RunFolder
 
 
 def run(

@@ -9,12 +9,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from taichi_ldem.durable import write_whole
+from taichi_ldem.analysis.paper import EXPERIMENTS, P1_N, P2_N, T1_S, T2_S, TABLE_3, is_papers_test
+from taichi_ldem.analysis.quantities import at_end
 from taichi_ldem.ensemble.attempt import FINISHED
 from taichi_ldem.ensemble.plan import CV, SEED, Plan
 from taichi_ldem.ensemble.results import Row, groups, numbers_of, statistics
-from taichi_ldem.numbers import at_end
-from taichi_ldem.paper import EXPERIMENTS, P1_N, P2_N, T1_S, T2_S, TABLE_3, is_papers_test
+from taichi_ldem.storage.durable import write_whole
 
 COLUMNS = (
     ("radial cracks", "radial_cracks", 1.0, 0, 1),

@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from taichi_ldem import material as mat
-from taichi_ldem import signals
-from taichi_ldem.lattice import BAR_VECTORS, BARS_PER_SITE, DIAGONAL, Lattice, bar_weights
+from taichi_ldem.analysis import signals
+from taichi_ldem.model import material as mat
+from taichi_ldem.model.lattice import BAR_VECTORS, BARS_PER_SITE, DIAGONAL, Lattice, bar_weights
 from taichi_ldem.scenarios import runner
 from taichi_ldem.scene import Notch, Scene
 
@@ -28,7 +28,7 @@ FALL = 0.05
 """Share of the strain energy that is lost when the crack runs."""
 
 if TYPE_CHECKING:
-    from taichi_ldem.simulation import Simulation
+    from taichi_ldem.solver.simulation import Simulation
 
 
 def run(scene: Scene, out: Path, *, force: bool = False, quiet: bool = False) -> int:

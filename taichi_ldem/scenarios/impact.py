@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from taichi_ldem import signals
+from taichi_ldem.analysis import signals
 from taichi_ldem.scenarios import runner
 from taichi_ldem.scene import Scene
-from taichi_ldem.store import RunFolder
+from taichi_ldem.storage.store import RunFolder
 
 if TYPE_CHECKING:
-    from taichi_ldem.simulation import Simulation
+    from taichi_ldem.solver.simulation import Simulation
 
 
 def run(scene: Scene, out: Path, *, force: bool = False, quiet: bool = False) -> int:
@@ -61,7 +61,7 @@ def summary(folder: RunFolder, simulation: "Simulation", history: runner.History
 
 def _measured(folder: RunFolder) -> dict[str, Any]:
     """The numbers of the cracks; the same keys without a crack."""
-    from taichi_ldem.cracks import NO_CRACKS, measure_run
+    from taichi_ldem.analysis.cracks import NO_CRACKS, measure_run
 
     cracks = measure_run(folder)
     return NO_CRACKS if cracks is None else cracks.summary()

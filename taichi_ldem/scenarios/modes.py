@@ -12,15 +12,16 @@ import numpy as np
 import numpy.typing as npt
 from rich.console import Console
 
-from taichi_ldem import backend, modeshapes
-from taichi_ldem.describe import warnings
-from taichi_ldem.modeshapes import Name
+from taichi_ldem.analysis import modeshapes
+from taichi_ldem.analysis.modeshapes import Name
+from taichi_ldem.scenarios.describe import warnings
 from taichi_ldem.scene import Clamp, Modes, Scene, SceneError, scene_to_toml
-from taichi_ldem.store import RunFolder, hexahedral_mesh, write_vectors
+from taichi_ldem.solver import backend
+from taichi_ldem.storage.store import RunFolder, hexahedral_mesh, write_vectors
 
 if TYPE_CHECKING:
-    from taichi_ldem.dynamics import Dynamics
-    from taichi_ldem.eigen import Modes as Solution
+    from taichi_ldem.solver.dynamics import Dynamics
+    from taichi_ldem.solver.eigen import Modes as Solution
 
 Array = npt.NDArray[np.float64]
 
@@ -68,7 +69,7 @@ def run(scene: Scene, out: Path, *, force: bool = False, quiet: bool = False) ->
     for line in notes + warnings(scene):
         console.print(f"note: {line}")
     backend.start(linear.solver)
-    from taichi_ldem import eigen
+    from taichi_ldem.solver import eigen
 
     dynamics, fixed = build(linear)
     count = (scene.modes or Modes()).count
@@ -138,8 +139,8 @@ def linearised(scene: Scene) -> tuple[Scene, list[str]]:
 
 def build(scene: Scene) -> "tuple[Dynamics, npt.NDArray[np.int32]]":
     """The lattice's fields and kernels, and its fixed nodes; Taichi must have been started."""
-    from taichi_ldem.contact import Rings
-    from taichi_ldem.simulation import build_dynamics
+    from taichi_ldem.solver.contact import Rings
+    from taichi_ldem.solver.simulation import build_dynamics
 
     dynamics, _ = build_dynamics(scene)
     if scene.clamp is None or not scene.held:
@@ -220,7 +221,7 @@ def write(
     shapes = {f"mode_{m.number:02d}": s[0][at] for m, s in zip(named, solution.shapes, strict=True)}
     write_vectors(folder.path / "modes.vtkhdf", points, cells, shapes)
     planes = [mid_plane(dynamics, shape) for shape in solution.shapes]
-    from taichi_ldem.plot_modes import plot_modes
+    from taichi_ldem.output.figures.modes import plot_modes
 
     clamp = scene.clamp if scene.held else None
     plot_modes(folder.path / "modes.png", named, planes, _circles(clamp))

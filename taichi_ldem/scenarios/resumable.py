@@ -6,7 +6,7 @@ from pathlib import Path
 from taichi_ldem.scenarios import bend, impact, runner, tension
 from taichi_ldem.scenarios.runner import Summary
 from taichi_ldem.scene import SceneError, load_scene
-from taichi_ldem.store import RunFolder
+from taichi_ldem.storage.store import RunFolder
 
 
 def summary_of(scenario: str, folder: RunFolder) -> Summary:

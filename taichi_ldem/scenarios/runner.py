@@ -22,16 +22,16 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from taichi_ldem import backend
-from taichi_ldem.describe import implied, warnings
-from taichi_ldem.memory import peak_bytes, refuse_too_large
-from taichi_ldem.provenance import changed_machine, provenance
+from taichi_ldem.scenarios.describe import implied, warnings
 from taichi_ldem.scene import Scene, SceneError, load_scene, parse_scene, scene_to_toml
-from taichi_ldem.store import FieldWriter, HistoryWriter, RunFolder, hexahedral_mesh
+from taichi_ldem.solver import backend
+from taichi_ldem.solver.memory import peak_bytes, refuse_too_large
+from taichi_ldem.storage.provenance import changed_machine, provenance
+from taichi_ldem.storage.store import FieldWriter, HistoryWriter, RunFolder, hexahedral_mesh
 
 if TYPE_CHECKING:
-    from taichi_ldem.checkpoint import Checkpoint
-    from taichi_ldem.simulation import Sample, Simulation
+    from taichi_ldem.solver.simulation import Sample, Simulation
+    from taichi_ldem.storage.checkpoint import Checkpoint
 
 STOPPED, UNWRITABLE, INTERRUPTED, TERMINATED = 3, 4, 130, 143
 LINES = 20
@@ -245,7 +245,7 @@ def resume(out: Path, summary: Summary, *, extend: float = 0.0, quiet: bool = Fa
     Raises:
         SceneError: there is no run, or no checkpoint of it that can be used.
     """
-    from taichi_ldem.checkpoint import Checkpoints
+    from taichi_ldem.storage.checkpoint import Checkpoints
 
     console = _console(quiet)
     folder = RunFolder(out)
@@ -286,7 +286,7 @@ def _console(quiet: bool) -> Console:
 def _build(scene: Scene) -> "Simulation":
     refuse_too_large(scene)
     backend.start(scene.solver)
-    from taichi_ldem.simulation import Simulation
+    from taichi_ldem.solver.simulation import Simulation
 
     simulation = Simulation(scene)
     simulation.compile()
@@ -353,7 +353,7 @@ class _Work:
         self.observe: Callable[[Simulation, Sample], None] | None = None
         self.checkpoints = None
         if self.interval:
-            from taichi_ldem.checkpoint import Checkpoints
+            from taichi_ldem.storage.checkpoint import Checkpoints
 
             self.checkpoints = Checkpoints(folder.path, name)
 
@@ -382,7 +382,7 @@ class _Work:
         self.fields.flush()
         if self.checkpoints is None:
             return
-        from taichi_ldem.checkpoint import Checkpoint
+        from taichi_ldem.storage.checkpoint import Checkpoint
 
         self.writer.sync()
         s = self.simulation
@@ -432,8 +432,8 @@ def _work_off(console: Console, work: _Work, summary: Summary, compiled: float) 
 
 
 def _step_or_stop(console: Console, work: _Work) -> int:
-    from taichi_ldem.contact import TooManyNodes
-    from taichi_ldem.simulation import SimulationStopped
+    from taichi_ldem.solver.contact import TooManyNodes
+    from taichi_ldem.solver.simulation import SimulationStopped
 
     try:
         with work.listening():
@@ -465,7 +465,7 @@ def _tell_signal(work: _Work, number: int) -> int:
 
 
 def _tell_unwritable(work: _Work, error: OSError) -> None:
-    from taichi_ldem.checkpoint import LATEST, PREVIOUS
+    from taichi_ldem.storage.checkpoint import LATEST, PREVIOUS
 
     path = work.folder.path
     line = f"error: {error}; stopped at t = {work.simulation.time:.6g} s"
@@ -505,7 +505,7 @@ def _announce(
 
 
 def _step_through(console: Console, work: _Work) -> None:
-    from taichi_ldem.simulation import WARN_ERROR
+    from taichi_ldem.solver.simulation import WARN_ERROR
 
     warned = False
     with _progress(console, work.simulation) as tell:
@@ -575,11 +575,11 @@ def cost(
 
 
 def _pictures(console: Console, folder: RunFolder, scene: Scene, code: int) -> None:
-    from taichi_ldem.plots import plot_run
+    from taichi_ldem.output.figures.run import plot_run
 
     figures = plot_run(folder)
     if code != INTERRUPTED and scene.pulse is None:  # a pulse is too small to be seen
-        from taichi_ldem.render import render_run
+        from taichi_ldem.output.render.snapshots import render_run
 
         figures += render_run(folder, None)
     for figure in figures:

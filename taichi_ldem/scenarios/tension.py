@@ -12,7 +12,7 @@ from taichi_ldem.scenarios import runner
 from taichi_ldem.scene import Scene
 
 if TYPE_CHECKING:
-    from taichi_ldem.simulation import Simulation
+    from taichi_ldem.solver.simulation import Simulation
 
 SCATTER = 0.005
 """Standard deviation from a fit, over the largest value, up to which its slope is a constant."""

@@ -18,15 +18,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from taichi_ldem import waves
-from taichi_ldem.lattice import Lattice, prism
-from taichi_ldem.material import elastic_constants
+from taichi_ldem.model import waves
+from taichi_ldem.model.lattice import Lattice, prism
+from taichi_ldem.model.material import elastic_constants
 from taichi_ldem.scenarios import runner
 from taichi_ldem.scene import Pulse, Scene, SceneError
-from taichi_ldem.store import HistoryWriter
+from taichi_ldem.storage.store import HistoryWriter
 
 if TYPE_CHECKING:
-    from taichi_ldem.simulation import Sample, Simulation
+    from taichi_ldem.solver.simulation import Sample, Simulation
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]

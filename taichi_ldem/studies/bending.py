@@ -25,8 +25,8 @@ from typing import Any
 
 import numpy as np
 
-from taichi_ldem import material as mat
-from taichi_ldem.lattice import Lattice, prism
+from taichi_ldem.model import material as mat
+from taichi_ldem.model.lattice import Lattice, prism
 from taichi_ldem.scenarios.bend import notch_depth
 from taichi_ldem.scene import Scene, load_scene, parse_scene, scene_to_toml
 from taichi_ldem.studies import compliance

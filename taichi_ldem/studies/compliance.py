@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from taichi_ldem.lattice import BAR_VECTORS, BARS_PER_SITE, DIAGONAL, Lattice, bar_weights
+from taichi_ldem.model.lattice import BAR_VECTORS, BARS_PER_SITE, DIAGONAL, Lattice, bar_weights
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array

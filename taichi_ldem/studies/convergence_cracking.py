@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taichi_ldem import signals
-from taichi_ldem.store import RunFolder
+from taichi_ldem.analysis import signals
+from taichi_ldem.storage.store import RunFolder
 from taichi_ldem.studies.convergence_runs import SEED_REACH
 
 if TYPE_CHECKING:

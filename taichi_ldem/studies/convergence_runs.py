@@ -18,7 +18,7 @@ import numpy.typing as npt
 from taichi_ldem.scene import Scene, SceneError, load_scene
 
 if TYPE_CHECKING:
-    from taichi_ldem.simulation import Sample, Simulation
+    from taichi_ldem.solver.simulation import Sample, Simulation
 
 Array = npt.NDArray[np.float64]
 
@@ -52,10 +52,10 @@ def run(scene: Scene, mode: Path | None = None) -> dict[str, Any]:
     Args:
         mode: file of a vibration's mode: read where it is there, else computed (in f64) and kept.
     """
-    from taichi_ldem import backend
+    from taichi_ldem.solver import backend
 
     backend.start(scene.solver)
-    from taichi_ldem.simulation import Simulation
+    from taichi_ldem.solver.simulation import Simulation
 
     started = time.perf_counter()
     simulation = Simulation(scene)
@@ -172,7 +172,7 @@ class _Vibration:
 
 def lowest_elastic_mode(simulation: "Simulation") -> tuple[float, Array]:
     """Frequency (Hz) and shape (2, *S, 3) of the lowest mode that is not a rigid motion."""
-    from taichi_ldem import eigen
+    from taichi_ldem.solver import eigen
 
     rings = simulation.rings
     fixed = rings.listed() if rings is not None else np.zeros(0, dtype=np.int32)

@@ -19,11 +19,11 @@ import numpy as np
 import numpy.typing as npt
 import tomli_w
 
-from taichi_ldem.lattice import Lattice
+from taichi_ldem.model.lattice import Lattice
 from taichi_ldem.scene import SceneError, parse_scene
 
 if TYPE_CHECKING:
-    from taichi_ldem.simulation import Sample
+    from taichi_ldem.solver.simulation import Sample
 
 Array = npt.NDArray[np.float64]
 
@@ -114,12 +114,12 @@ class Bench:
     """
 
     def __init__(self, base: dict[str, Any]):
-        from taichi_ldem import backend
+        from taichi_ldem.solver import backend
 
         self.base = base
         self.scene = parse_scene(base)
         backend.start(self.scene.solver)
-        from taichi_ldem.simulation import Simulation
+        from taichi_ldem.solver.simulation import Simulation
 
         self.simulation = Simulation(self.scene)
         self.whole: Lattice = self.simulation.dynamics.lattice
@@ -129,8 +129,8 @@ class Bench:
 
     def run(self, case: Case) -> Seen:
         """Renew the simulation for a case and follow it."""
-        from taichi_ldem.contact import TooManyNodes
-        from taichi_ldem.simulation import SimulationStopped
+        from taichi_ldem.solver.contact import TooManyNodes
+        from taichi_ldem.solver.simulation import SimulationStopped
         from taichi_ldem.studies.reuse import renew, start_striker
 
         self.seen, self.kept, s = Seen(), {}, self.simulation
@@ -225,7 +225,7 @@ class Bench:
 
     def strains(self) -> tuple[float, float]:
         """Largest and smallest strain of the bars that exist and are not broken, one step back."""
-        from taichi_ldem.stability import largest_strains
+        from taichi_ldem.solver.stability import largest_strains
 
         s = self.simulation
         return largest_strains(s.dynamics, s.displacement_before())

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_ldem.lattice import Lattice
+from taichi_ldem.model.lattice import Lattice
 from taichi_ldem.studies.extreme_bench import (
     REFUSED,
     SPACING,
@@ -177,7 +177,7 @@ def _striker(displacement: float = 0.0, x: float = 0.0) -> Callable[[Bench], Non
     """Put the striker where no scene puts it."""
 
     def set_up(bench: Bench) -> None:
-        from taichi_ldem.contact import AXIS_X
+        from taichi_ldem.solver.contact import AXIS_X
         from taichi_ldem.studies.reuse import start_striker
 
         body = bench.simulation.striker
@@ -194,7 +194,7 @@ def _contrast(what: str, factor: float) -> Callable[[Bench], None]:
     """Make every second module's bars stiffer, or its nodes heavier; by the site's byte."""
 
     def set_up(bench: Bench) -> None:
-        from taichi_ldem.stability import critical_time_step
+        from taichi_ldem.solver.stability import critical_time_step
 
         s = bench.simulation
         d = s.dynamics
@@ -586,7 +586,7 @@ def _neighbours(what: str, factor: float, speed: float = 0.0) -> Callable[[Bench
     """Make every second bar stiffer or stronger, or every second module heavier, by a factor."""
 
     def set_up(bench: Bench) -> None:
-        from taichi_ldem.stability import critical_time_step
+        from taichi_ldem.solver.stability import critical_time_step
 
         s, share = (
             bench.simulation,

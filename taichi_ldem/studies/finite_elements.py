@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from taichi_ldem import material, modeshapes
-from taichi_ldem.modeshapes import Name
+from taichi_ldem.analysis import modeshapes
+from taichi_ldem.analysis.modeshapes import Name
+from taichi_ldem.model import material
 from taichi_ldem.scene import Scene, SceneError, load_scene
 
 Array = npt.NDArray[np.float64]

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taichi_ldem import disorder, stability
-from taichi_ldem.material import check
+from taichi_ldem.model import disorder
+from taichi_ldem.model.material import check
+from taichi_ldem.solver import stability
 
 if TYPE_CHECKING:
-    from taichi_ldem.lattice import Lattice
+    from taichi_ldem.model.lattice import Lattice
     from taichi_ldem.scene import Scene
-    from taichi_ldem.simulation import Simulation
+    from taichi_ldem.solver.simulation import Simulation
 
 
 def renew(simulation: "Simulation", scene: "Scene", lattice: "Lattice | None" = None) -> None:

@@ -4,14 +4,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from blocks import DAMAGE, PMMA, SPACING, block_scene
-from reference import Body
+from support.blocks import DAMAGE, PMMA, SPACING, block_scene
+from support.reference import Body
 
-from taichi_ldem.material import check
+from taichi_ldem.model.material import check
 
 if TYPE_CHECKING:
-    from taichi_ldem.dynamics import Dynamics
-    from taichi_ldem.simulation import Simulation
+    from taichi_ldem.solver.dynamics import Dynamics
+    from taichi_ldem.solver.simulation import Simulation
 
 NOTCH = {"normal": "x", "position": 0.25 * SPACING, "from": [-1.0, 0.0], "to": [0.0, 1.0]}
 SPIN = np.array([2e3, -1e3, 3e3])  # rad/s
@@ -20,7 +20,7 @@ STRETCH = 60.0  # m/s at either end: c eps_p is about 32 m/s
 
 @pytest.fixture(scope="module")
 def flight(taichi: None) -> "tuple[Simulation, Body]":
-    from taichi_ldem.simulation import Simulation
+    from taichi_ldem.solver.simulation import Simulation
 
     scene = block_scene(8, 4, 3, material=DAMAGE, notch=[NOTCH])
     simulation = Simulation(scene)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from blocks import DAMAGE, Breakable
+from support.blocks import DAMAGE, Breakable
 
 G_F = DAMAGE["fracture_energy"]
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from blocks import PMMA, SPACING, block_scene
 from scipy.linalg import expm
 from scipy.optimize import brentq
+from support.blocks import PMMA, SPACING, block_scene
 
-from taichi_ldem.studies import boundaries
+from studies import boundaries
 
 E, NU, DENSITY = PMMA["youngs_modulus"], PMMA["poisson_ratio"], PMMA["density"]
 CONSTANTS = (1.2 * E, 0.4 * E, 0.4 * E)  # isotropic, nu = 0.25
@@ -34,8 +34,8 @@ def timoshenko(length: float, side: float) -> float:
 
 
 def test_free_prism_has_six_rigid_motions_and_timoshenko_s_first_bending(taichi: None) -> None:
-    from taichi_ldem import eigen
     from taichi_ldem.scenarios.modes import build, name_modes
+    from taichi_ldem.solver import eigen
 
     across, along = 4, 40
     scene = block_scene(along, across, across)
@@ -125,8 +125,8 @@ def test_a_clamp_along_planes_of_nodes_keeps_the_plate_within_1_percent(taichi: 
 @pytest.mark.slow
 def test_a_free_plate_converges_to_finite_elements_with_second_order(taichi: None) -> None:
     pytest.importorskip("skfem")
-    from taichi_ldem import eigen
     from taichi_ldem.scenarios.modes import build
+    from taichi_ldem.solver import eigen
     from taichi_ldem.studies import finite_elements as fe
 
     side, thickness = 16e-3, 3.2e-3

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from blocks import PMMA, SPACING, block_scene
+from support.blocks import PMMA, SPACING, block_scene
 
 
 @pytest.mark.slow
@@ -12,7 +12,7 @@ def test_static_stiffness_of_a_clamped_plate(taichi: None) -> None:
     The load is the weight of a striker of small diameter, on a plate of radius a = 12 H near
     critical damping (its lowest frequency is 10.2 / a^2 sqrt(D / rho H) = 1.8e4 rad/s).
     """
-    from taichi_ldem.simulation import Simulation
+    from taichi_ldem.solver.simulation import Simulation
 
     layers, across = 4, 104
     radius, height = 24e-3, layers * SPACING

@@ -4,16 +4,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from blocks import PMMA, block_scene
-from test_elasticity import tension_of_a_prism
+from support.blocks import PMMA, block_scene
+from support.prism import tension_of_a_prism
 
-from taichi_ldem import material as mat
+from studies.tension import EDGE, WEAK_SHARE, WEAK_STRAIN, weaken
+from taichi_ldem.model import material as mat
 from taichi_ldem.scenarios.runner import row
 from taichi_ldem.scenarios.tension import initial_slope, summary
-from taichi_ldem.studies.tension import EDGE, WEAK_SHARE, WEAK_STRAIN, weaken
 
 if TYPE_CHECKING:
-    from taichi_ldem.simulation import Simulation
+    from taichi_ldem.solver.simulation import Simulation
 
 ENDS = {"length": 0.55 * EDGE, "ramp": 5e-5, "lateral": "free"}  # the last nodes of both kinds
 G_F = 1034.0
@@ -27,7 +27,7 @@ def _pull(simulation: "Simulation") -> tuple[dict[str, Any], list[dict[str, Any]
 
 
 def _elastic_prism(width: int, height: int, weights: bool) -> "Simulation":
-    from taichi_ldem.simulation import Simulation
+    from taichi_ldem.solver.simulation import Simulation
 
     length = max(24, width + height)
     slower = length / 24  # the longer, the more time waves need
@@ -86,7 +86,7 @@ def test_a_wide_prism_has_the_input_s_elastic_constants(taichi: None) -> None:
 
 
 def _crack(length: int) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    from taichi_ldem.simulation import Simulation
+    from taichi_ldem.solver.simulation import Simulation
 
     scene = block_scene(
         length,
@@ -141,7 +141,7 @@ def test_a_prism_tears_at_the_stress_at_which_its_longitudinal_bars_pay(taichi: 
     for the longitudinal bars along the pull (two a module, 2 c_A L^2 of fracture area in L^3).
     Only the last corner nodes are pulled: damage starts there, early and with little energy stored.
     """
-    from taichi_ldem.simulation import Simulation
+    from taichi_ldem.solver.simulation import Simulation
 
     scene = block_scene(
         48,

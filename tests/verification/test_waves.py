@@ -4,14 +4,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from blocks import PMMA, SPACING
-from reference import Body
 from scipy.optimize import curve_fit
+from support.blocks import PMMA, SPACING
+from support.reference import Body
 
-from taichi_ldem import material as mat
+from taichi_ldem.model import material as mat
 
 if TYPE_CHECKING:
-    from taichi_ldem.simulation import Simulation
+    from taichi_ldem.solver.simulation import Simulation
 
 
 def test_longitudinal_waves_travel_at_the_speed_of_the_bulk(

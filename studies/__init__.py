@@ -1,0 +1,1 @@
+"""Studies that made the numbers of docs/; not part of the package."""

@@ -1,0 +1,1 @@
+"""The lattice and its material as arrays: NumPy only."""

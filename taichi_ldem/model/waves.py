@@ -1,0 +1,257 @@
+"""Waves of the infinite lattice and of an infinite bar cut from it, exactly (NumPy only).
+
+Corner and centre nodes have the same mass, half a module's, and the same fourteen bars: six of
+length L along the axes and eight diagonals. Together they are one body-centred cubic Bravais
+lattice with first and second neighbours, so a wave u exp(i (k.x - omega t)) obeys
+
+    omega^2 u = D(k) u,   D(k) = (1/m) sum over the 14 bars  s (1 - cos k.r) n n^T,
+
+with bar vector r, unit vector n and stiffness s = EA / length: a real 3 x 3 matrix for wave vectors
+of the body-centred lattice's Brillouin zone. (Seen as two sublattices of a cubic lattice it is a
+6 x 6 matrix: its six branches are these three at k and at k + (2 pi / L, 0, 0).)
+
+Central differences with a step dt follow sin(omega dt / 2) = omega_0 dt / 2 with omega_0 of the
+equation above, exactly: ``discrete_frequency``.
+
+A bar with free sides is the same sum over the nodes of one period of its section (``Waveguide``):
+the lattice's counterpart of the Pochhammer-Chree modes.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from taichi_ldem.model.lattice import BAR_VECTORS, Lattice, bar_weights, node_masses
+from taichi_ldem.model.material import bar_families
+from taichi_ldem.scene import Material
+
+Array = npt.NDArray[np.float64]
+
+_LENGTHS = np.linalg.norm(BAR_VECTORS, axis=1)
+_UNITS = BAR_VECTORS / _LENGTHS[:, None]
+
+
+@dataclass(frozen=True)
+class Bulk:
+    """The infinite lattice.
+
+    Attributes:
+        stiffness: EA / length of longitudinal and diagonal bars, N/m.
+        mass: of a node, half a module's, kg.
+        spacing: module edge L, m.
+    """
+
+    stiffness: tuple[float, float]
+    mass: float
+    spacing: float
+
+    @property
+    def _shares(self) -> Array:
+        # (14,) stiffness over mass of the bars at a node
+        edge, slant = self.stiffness
+        return np.where(_LENGTHS == 1.0, edge, slant) / self.mass
+
+    def matrix(self, k: npt.ArrayLike) -> Array:
+        """Dynamical matrices D(k), (..., 3, 3) in 1/s2, of wave vectors (..., 3) in 1/m."""
+        phase = np.asarray(k) @ (self.spacing * BAR_VECTORS.T)
+        swing = self._shares * (1 - np.cos(phase))
+        return np.asarray(np.einsum("...b,bi,bj->...ij", swing, _UNITS, _UNITS))
+
+    def waves(self, k: npt.ArrayLike) -> tuple[Array, Array]:
+        """Angular frequencies (..., 3), ascending, 1/s; polarisations (..., 3, 3), columns."""
+        squares, shapes = np.linalg.eigh(self.matrix(k))
+        return np.sqrt(np.maximum(squares, 0.0)), shapes
+
+    def frequencies(self, k: npt.ArrayLike) -> Array:
+        """Angular frequencies (..., 3) of wave vectors (..., 3) in 1/m, ascending, 1/s."""
+        return self.waves(k)[0]
+
+    def phase_velocities(self, k: npt.ArrayLike) -> Array:
+        """omega / |k|, (..., 3), m/s."""
+        length = np.linalg.norm(np.asarray(k), axis=-1)
+        return np.asarray(self.frequencies(k) / length[..., None])
+
+    def group_velocities(self, k: npt.ArrayLike) -> Array:
+        """d omega / d k, (..., 3, 3): branch, then component, m/s.
+
+        From 2 omega d omega = u^T dD u. In a degenerate pair the two polarisations are any of their
+        plane: along a symmetry axis both give the same component along k.
+        """
+        omega, shapes = self.waves(k)
+        bars = self.spacing * BAR_VECTORS
+        slope = self._shares * np.sin(np.asarray(k) @ bars.T)
+        along = np.einsum("bi,...in->...bn", _UNITS, shapes) ** 2
+        rise = np.einsum("...b,...bn,bi->...ni", slope, along, bars)
+        return np.asarray(rise / (2 * omega[..., None]))
+
+    def branch(self, k: npt.ArrayLike, polarisation: npt.ArrayLike) -> tuple[Array, Array]:
+        """Frequency (...,) and unit polarisation (..., 3) of the branch nearest to a direction.
+
+        In a degenerate pair the polarisation is the part of the wanted direction in its plane.
+        """
+        omega, shapes = self.waves(k)
+        wanted = np.asarray(polarisation, dtype=float)
+        overlap = np.einsum("i,...in->...n", wanted, shapes)
+        chosen = np.abs(overlap).argmax(axis=-1)[..., None]
+        value = np.take_along_axis(omega, chosen, -1)
+        same = np.abs(omega - value) <= 1e-9 * np.abs(omega).max(axis=-1, keepdims=True)
+        shape = np.einsum("...n,...in->...i", overlap * same, shapes)
+        return value[..., 0], shape / np.linalg.norm(shape, axis=-1, keepdims=True)
+
+    @cached_property
+    def highest_frequency(self) -> float:
+        """Largest angular frequency over the Brillouin zone, 1/s.
+
+        On a grid that holds the zone's points of high symmetry, where the maximum lies.
+        """
+        steps = np.linspace(0.0, 2 * np.pi / self.spacing, 25)
+        k = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1)
+        return float(self.frequencies(k).max())
+
+    @cached_property
+    def fastest(self) -> float:
+        """Largest long-wave speed over the directions [100], [110], [111], m/s."""
+        directions = np.array([(1, 0, 0), (1, 1, 0), (1, 1, 1)]) / np.sqrt([[1], [2], [3]])
+        return float(self.phase_velocities(1e-4 / self.spacing * directions).max())
+
+
+def _bar_stiffness(material: Material, spacing: float, variant: str) -> tuple[float, float]:
+    """EA / length of longitudinal and diagonal bars, N/m."""
+    bars = bar_families(material, spacing, variant)
+    long, slant = bars.longitudinal, bars.diagonal
+    return long.axial_stiffness / long.length, slant.axial_stiffness / slant.length
+
+
+def bulk(material: Material, spacing: float, variant: str = "equation-2") -> Bulk:
+    """The infinite lattice of a material at a module edge (m)."""
+    stiffness = _bar_stiffness(material, spacing, variant)
+    mass = 0.5 * material.density * spacing**3
+    return Bulk(stiffness, mass, spacing)
+
+
+def discrete_frequency(omega: npt.ArrayLike, time_step: float) -> Array:
+    """Frequency of central differences: (2 / dt) asin(omega_0 dt / 2), 1/s.
+
+    Raises:
+        ValueError: a frequency beyond the stable 2 / dt.
+    """
+    half = 0.5 * time_step * np.asarray(omega)
+    if np.any(half > 1):
+        raise ValueError("the time step is above 2 / omega: central differences are unstable")
+    return np.asarray(2 / time_step * np.arcsin(half))
+
+
+@dataclass(frozen=True)
+class Waveguide:
+    """An infinite straight bar of the lattice with free sides.
+
+    Attributes:
+        lattice: a piece of the bar, at least five modules long along ``axis``.
+        axis: 0, 1, 2 for a bar along x, y, z.
+        stiffness: EA / length of longitudinal and diagonal bars, N/m.
+        density: kg/m3.
+    """
+
+    lattice: Lattice
+    axis: int
+    stiffness: tuple[float, float]
+    density: float
+    _site: int = field(default=3, init=False)  # away from the ends of the piece
+
+    @cached_property
+    def code(self) -> npt.NDArray[np.uint8]:
+        """(A, B) site bytes of one period of the section."""
+        return np.asarray(np.take(self.lattice.code, self._site, axis=2 - self.axis))
+
+    @cached_property
+    def nodes(self) -> npt.NDArray[np.bool_]:
+        """(2, A, B) where one period has nodes: corner, centre."""
+        return np.moveaxis(self._masses > 0, -1, 0)
+
+    @property
+    def _masses(self) -> Array:
+        return node_masses()[self.code] * self.density * self.lattice.spacing**3
+
+    @cached_property
+    def mass(self) -> Array:
+        """(n,) masses of the period's nodes in the order of ``nodes``, kg."""
+        return np.moveaxis(self._masses, -1, 0)[self.nodes]
+
+    @cached_property
+    def _blocks(self) -> tuple[Array, dict[float, Array]]:
+        """Own terms (3n, 3n), and couplings by distance along the bar, in units of root masses."""
+        n = len(self.mass)
+        number = np.full(self.nodes.shape, -1)
+        number[self.nodes] = np.arange(n)
+        weights = bar_weights(self.lattice.surface_weights)[self.code]
+        across = [a for a in (2, 1, 0) if a != self.axis]  # arrays are in the order z, y, x
+        own = np.zeros((n, n, 3, 3))
+        coupling: dict[float, Array] = {}
+        for bar, vector in enumerate(BAR_VECTORS):
+            first, second = (0, 0) if bar < 3 else (1, 1) if bar < 6 else (1, 0)
+            step = np.rint(vector + 0.5 * (first - second)).astype(int)
+            a, b = np.nonzero(weights[..., bar])
+            i = number[first, a, b]
+            j = number[second, a + step[across[0]], b + step[across[1]]]
+            pull = self.stiffness[0 if bar < 6 else 1] * np.outer(_UNITS[bar], _UNITS[bar])
+            part = weights[a, b, bar][:, None, None] * pull
+            for node in (
+                i,
+                j,
+            ):  # a node is first end of one bar of a kind at most, and second of one
+                own[node, node] += part / self.mass[node, None, None]
+            block = coupling.setdefault(float(vector[self.axis]), np.zeros((n, n, 3, 3)))
+            block[i, j] += part / np.sqrt(self.mass[i] * self.mass[j])[:, None, None]
+
+        def flat(block: Array) -> Array:
+            return block.transpose(0, 2, 1, 3).reshape(3 * n, 3 * n)
+
+        return flat(own), {key: flat(block) for key, block in coupling.items()}
+
+    def matrix(self, k: float) -> npt.NDArray[np.complex128]:
+        """(3n, 3n) Hermitian dynamical matrix at a wave number along the bar (1/m), 1/s2."""
+        own, coupling = self._blocks
+        total = own.astype(complex)
+        for distance, block in coupling.items():
+            term = np.exp(1j * k * distance * self.lattice.spacing) * block
+            total -= term + term.conj().T
+        return total
+
+    @cached_property
+    def corner_shares(self) -> Array:
+        """(n,) weights of a section's mean over its corner nodes, by mass."""
+        corner = np.arange(len(self.mass)) < np.count_nonzero(self.nodes[0])
+        return np.asarray(self.mass * corner / self.mass[corner].sum())
+
+    def longitudinal(self, k: npt.ArrayLike) -> tuple[Array, npt.NDArray[np.complex128]]:
+        """The fundamental longitudinal mode at rising wave numbers (m,), from long waves on.
+
+        Frequencies (m,), 1/s, and shapes (m, n, 3) that multiply exp(i (k x - omega t)) at every
+        node's own x, of unit mean square by mass. The first is the mode most like a uniform axial
+        motion, every other the one most like that before it, so the branch is followed through
+        crossings where the steps in k are small; phases follow in the same way.
+        """
+        root = np.sqrt(self.mass / self.mass.sum())
+        before = np.zeros((len(root), 3), dtype=complex)
+        before[:, self.axis] = root
+        frequencies: list[float] = []
+        shapes: list[npt.NDArray[np.complex128]] = []
+        last = before.ravel()
+        for one in np.atleast_1d(np.asarray(k, dtype=float)):
+            squares, vectors = np.linalg.eigh(self.matrix(float(one)))
+            likeness = last.conj() @ vectors
+            best = int(np.abs(likeness).argmax())
+            last = vectors[:, best] * (abs(likeness[best]) / likeness[best])
+            frequencies.append(float(np.sqrt(max(squares[best], 0.0))))
+            shapes.append(last.reshape(-1, 3) / root[:, None])
+        return np.array(frequencies), np.array(shapes)
+
+
+def waveguide(
+    material: Material, lattice: Lattice, axis: int, variant: str = "equation-2"
+) -> Waveguide:
+    """The infinite bar that a piece of lattice (uniform along ``axis``) is cut from."""
+    stiffness = _bar_stiffness(material, lattice.spacing, variant)
+    return Waveguide(lattice, axis, stiffness, material.density)

@@ -1,0 +1,310 @@
+"""What a scene's inputs imply, and what was built for it: the text of ``ldem info``."""
+
+import math
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+from taichi_ldem.model import material as mat
+from taichi_ldem.model.disorder import cv_from_shape, shape_of, varies
+from taichi_ldem.scenarios import leave_out
+from taichi_ldem.scene import DISORDERED, Scene
+from taichi_ldem.solver.memory import field_bytes
+
+if TYPE_CHECKING:
+    from taichi_ldem.solver.simulation import Simulation
+
+RESOLVED = 4
+"""Modules that a correlation length should span."""
+
+LARGE_STRAIN = 0.2
+"""Peak strain above which no brittle material is."""
+
+FAST = 0.1
+"""Striker's speed over that of longitudinal waves above which a plate is shot at, not struck."""
+
+MANY_STEPS = 5e6
+"""More than forty times as many as the paper's test has."""
+
+LIGHTEST, HEAVIEST = 10.0, 25e3
+"""Densities of solids, from foam to osmium, kg/m3."""
+
+SOFTEST = 1e6
+"""Young's modulus below which MPa or GPa are more likely, Pa: rubber is stiffer."""
+
+ROUNDED = 1e-4
+"""Relative change of a side by rounding to whole modules from which it is told."""
+
+LEGEND = (
+    "EA: axial stiffness of a bar; long., diag.: bars along the edges of a module and from its "
+    "corners to its centre"
+)
+LEGEND_OF_DAMAGE = (
+    "eps_p: strain at which a bar begins to soften; eps_r: at which it is broken; K_r = eps_r / "
+    "eps_p, must not be below 1; L_cr: critical module edge, where K_r is 1; R_f: failure factor"
+)
+
+
+def implied(scene: Scene) -> dict[str, str]:
+    """What follows from the inputs, without building anything: name -> value with unit."""
+    plate, m = scene.plate, scene.material
+    bars = mat.bar_families(m, plate.spacing, plate.stiffness)
+    nx, ny, nz = plate.modules
+    x, y, z = (1e3 * side for side in plate.actual_size)
+    rows = {
+        "modules": f"{nx} x {ny} x {nz}, L = {1e3 * plate.spacing:.4f} mm",
+        "size": f"{x:.2f} x {y:.2f} x {z:.2f} mm",
+        "EA longitudinal, diagonal": f"{bars.longitudinal.axial_stiffness:.2f}, "
+        f"{bars.diagonal.axial_stiffness:.2f} N",
+    }
+    c11, c12, c44 = mat.elastic_constants(m.youngs_modulus, m.poisson_ratio, plate.stiffness)
+    rows["C11, C12, C44"] = f"{c11 / 1e9:.3f}, {c12 / 1e9:.3f}, {c44 / 1e9:.3f} GPa"
+    if m.damage and m.fracture_energy is not None:
+        rows |= _fracture(scene, bars, m.fracture_energy)
+    return rows
+
+
+def _fracture(scene: Scene, bars: mat.Bars, fracture_energy: float) -> dict[str, str]:
+    m = scene.material
+    families = (bars.longitudinal, bars.diagonal)
+    eps_p = bars.longitudinal.peak_strain
+
+    def pair(values: list[float], form: str = ".4f") -> str:
+        return ", ".join(f"{value:{form}}" for value in values)
+
+    # Eq. (9): R_f = eps_p sqrt(E / G_f), so 1 / R_f^2 = G_f / (E eps_p^2)
+    length = fracture_energy / (m.youngs_modulus * eps_p**2)
+    rows = {
+        "peak strain eps_p": f"{eps_p:.5f}",
+        "strength E eps_p": f"{1e-6 * m.youngs_modulus * eps_p:.1f} MPa",
+        "limit strain eps_r (long., diag.)": pair([f.limit_strain for f in families], ".5f"),
+        "K_r (long., diag.)": pair([f.ductility for f in families], ".3f"),
+        "L_cr (long., diag.)": pair([1e3 * f.critical_length for f in families]) + " mm",
+        "characteristic length 1/R_f^2": f"{1e3 * length:.3f} mm",
+        "fracture energy G_f": f"{fracture_energy:.0f} J/m2",
+    }
+    if m.limit_strain is not None:
+        excess = [f.energy_to_break / (fracture_energy * f.fracture_area) - 1 for f in families]
+        rows["a broken bar dissipates"] = (
+            pair([100 * e for e in excess], "+.1f") + " % against G_f A_f (given limit_strain)"
+        )
+    return rows
+
+
+def warnings(scene: Scene, steps: int | None = None) -> list[str]:
+    """Remarks that a user should read before trusting a run, a line each.
+
+    Args:
+        steps: of the run, where they are known.
+    """
+    plate, m = scene.plate, scene.material
+    lines = _slips(scene, steps)
+    c11, c12, c44 = mat.elastic_constants(m.youngs_modulus, m.poisson_ratio, plate.stiffness)
+    anisotropy = 2 * c44 / (c11 - c12)
+    if not 0.2 <= m.poisson_ratio <= 0.3 or plate.stiffness == "as-printed":
+        lines.append(
+            f"the lattice is not isotropic: C11 = {c11 / 1e9:.3f}, C12 = {c12 / 1e9:.3f}, C44 = "
+            f"{c44 / 1e9:.3f} GPa, 2 C44 / (C11 - C12) = {anisotropy:.2f}"
+        )
+    if not plate.surface_weights:
+        lines.append(
+            "full bars on the faces (plate.surface_weights = false): stiffer and tougher faces, "
+            "as the paper's model most likely had"
+        )
+    length = scene.disorder.correlation_length if scene.disorder is not None else 0.0
+    if 0 < length < RESOLVED * plate.spacing:
+        lines.append(
+            f"disorder.correlation_length is {length / plate.spacing:.2g} modules: below "
+            f"{RESOLVED} the statistics of strength depend on the module size"
+        )
+    if plate.perturbation:
+        lines.append(
+            "perturbed nodes (plate.perturbation): softer than these constants by about the square "
+            "of it (docs/disorder.md)"
+        )
+    if scene.solver.allow_unstable:
+        lines.append(
+            "solver.allow_unstable = true: the time step is not held below the critical one"
+        )
+    return lines
+
+
+def _slips(scene: Scene, steps: float | None) -> list[str]:
+    """Numbers that are possible and rare: in another unit they would be common ones."""
+    plate, m, striker = scene.plate, scene.material, scene.striker
+    lines = []
+    for number, side in enumerate(plate.size):
+        if side > mat.LARGE_SIDE:
+            lines.append(
+                f"plate.size[{number}] = {side:g}: in metres; were millimetres meant, "
+                f"{side / 1000:g}?"
+            )
+    if not plate.angle and any(
+        abs(actual - side) > ROUNDED * side
+        for side, actual in zip(plate.size, plate.actual_size, strict=True)
+    ):
+        asked, built = (
+            " x ".join(f"{1e3 * side:.2f}" for side in sides[:2])
+            for sides in (plate.size, plate.actual_size)
+        )
+        lines.append(
+            f"plate.size: asked {asked} mm, built {built} mm, in whole modules of "
+            f"{1e3 * plate.spacing:.4g} mm"
+        )
+    if m.youngs_modulus < SOFTEST:
+        lines.append(
+            f"material.youngs_modulus = {m.youngs_modulus:g}: in Pa; softer than rubber, were MPa "
+            "or GPa meant?"
+        )
+    if not LIGHTEST <= m.density <= HEAVIEST:
+        lines.append(f"material.density = {m.density:g}: in kg/m3; that is no solid's")
+    if m.damage and (strain := mat.failure_strain(m)) > LARGE_STRAIN:
+        lines.append(
+            f"the peak strain eps_p is {strain:.3g}, more than any brittle material's; are "
+            "youngs_modulus in Pa and fracture_energy in J/m2?"
+        )
+    if striker is not None:
+        stiffness = mat.elastic_constants(m.youngs_modulus, m.poisson_ratio, plate.stiffness)[0]
+        wave = math.sqrt(stiffness / m.density)
+        if striker.velocity > FAST * wave:
+            lines.append(
+                f"striker.velocity = {striker.velocity:g}: in m/s; {striker.velocity / wave:.2g} "
+                f"of the speed of longitudinal waves ({wave:.0f} m/s)"
+            )
+    steps = _steps(scene) if steps is None else steps
+    if scene.scenario != "modes" and steps > MANY_STEPS:
+        lines.append(
+            f"solver.duration = {scene.solver.duration:g}: in seconds; about "
+            f"{steps / 1e6:.3g} million steps"
+        )
+    return lines
+
+
+def _steps(scene: Scene) -> float:
+    """About how many steps a run has, from the infinite lattice's critical time step."""
+    from taichi_ldem.model.waves import bulk
+
+    solver, plate = scene.solver, scene.plate
+    if solver.time_step != "auto":
+        return solver.duration / float(solver.time_step)
+    critical = 2 / bulk(scene.material, plate.spacing, plate.stiffness).highest_frequency
+    return solver.duration / min(solver.safety * critical, scene.output.history_interval)
+
+
+def left_out(scene: Scene) -> list[str]:
+    """Features that the scene does not name, and why: neither allocated nor compiled."""
+    uneven = {name for name in DISORDERED if varies(scene, name)}
+    absent = {
+        "bar history and broken-bar record (material.damage = false)": not scene.material.damage,
+        "damping (solver.damping = 0)": scene.solver.damping == 0,
+        "removed bars (no [[notch]])": not scene.notch,
+        "strength of every bar (no disorder of fracture_energy or youngs_modulus, or no damage)": (
+            not scene.material.damage or not uneven - {"density"}
+        ),
+        "modulus of every bar (no disorder.youngs_modulus_cv)": "youngs_modulus" not in uneven,
+        "offset of every node (plate.perturbation = 0)": scene.plate.perturbation == 0,
+        "mass of every node (no disorder.density_cv)": "density" not in uneven,
+        "striker contact (no [striker])": scene.striker is None,
+        "clamp contact (no [clamp], or free)": not scene.held,
+        "grips and gauge (no [grips])": scene.grips is None,
+        "support contact (no [supports])": scene.supports is None,
+    }
+    return [name for name, missing in absent.items() if missing]
+
+
+def _disorder(scene: Scene, drawn: dict[str, tuple[float, float]]) -> dict[str, str]:
+    """Mean and CV of the fields that were drawn, beside what was asked for."""
+    rows = {}
+    units = {"fracture_energy": (1.0, "J/m2"), "youngs_modulus": (1e-9, "GPa")}
+    for name, (mean, cv) in drawn.items():
+        shape = shape_of(scene.disorder, name)
+        assert shape is not None
+        scale, unit = units.get(name, (1.0, "kg/m3"))
+        rows[f"drawn {name}"] = (
+            f"mean {scale * mean * getattr(scene.material, name):.5g} {unit}, CV {100 * cv:.2f} % "
+            f"(Weibull shape {shape:.4g}: {100 * cv_from_shape(shape):.2f} %)"
+        )
+    return rows
+
+
+def _against_everything(scene: Scene, simulation: "Simulation", measured: bool) -> Table:
+    """Fields, bytes and kernels of the scene beside its lattice with everything switched on.
+
+    Args:
+        measured: milliseconds a step, too: each in processes of its own, one after the other.
+    """
+    full = leave_out.everything(scene)
+    table = Table("", "this scene", "everything on", "share", title="what is left out saves")
+    own = leave_out.cost(simulation)
+    if measured:
+        with tempfile.TemporaryDirectory() as folder:
+            costs = leave_out.compare({"own": scene, "all": full}, Path(folder), 3)
+        for name in ("fields", "kernels"):
+            table.add_row(name, *(str(getattr(costs[which], name)) for which in ("own", "all")))
+        rows = (("MB", "bytes", 1e-6), ("ms a step", "ms", 1.0))
+        for name, value, scale in rows:
+            mine, whole = (getattr(costs[which], value) for which in ("own", "all"))
+            texts = [f"{scale * number:.3g}" for number in (mine, whole)]
+            table.add_row(name, *texts, f"{100 * mine / whole:.0f} %")
+        return table
+    mine, whole = field_bytes(scene), field_bytes(full)
+    texts = [f"{1e-6 * number:.2f}" for number in (mine, whole)]
+    table.add_row("MB of nodes and bars", *texts, f"{100 * mine / whole:.0f} %")
+    table.add_row("kernels", str(own.kernels), str(leave_out.KERNELS_OF_EVERYTHING))
+    return table
+
+
+def describe(scene: Scene, measured: bool = False, fields: bool = False) -> Group:
+    """Everything that ``ldem info`` prints; builds the simulation for its true numbers.
+
+    Args:
+        measured: time a step, too, beside everything switched on.
+        fields: the memory of every field, too.
+
+    Raises:
+        SceneError: as building the simulation does.
+    """
+    from taichi_ldem.solver import backend
+
+    backend.start(scene.solver)
+    from taichi_ldem.solver.simulation import Simulation
+
+    simulation = Simulation(scene)
+    lattice = simulation.dynamics.lattice
+    rows = implied(scene) | {
+        "bars, nodes": f"{lattice.bars:,}, {lattice.nodes:,}",
+        "mass": f"{1e3 * scene.material.density * lattice.volume:.3f} g",
+        "critical time step": f"{simulation.critical_time_step:.4g} s",
+        "time step": f"{simulation.time_step:.4g} s "
+        f"({simulation.time_step / simulation.critical_time_step:.2f} of the critical one)",
+        "steps": f"{simulation.steps:,}",
+    }
+    sizes = simulation.field_bytes()
+    rows |= _disorder(scene, simulation.drawn)
+    if scene.scenario == "modes":  # does not step in time
+        del rows["time step"], rows["steps"]
+    else:
+        expected = simulation.measure_step() * simulation.steps
+        rows["time to compute"] = f"about {expected:.0f} s, as busy as the machine is"
+    rows["memory of all fields"] = f"{sum(sizes.values()) / 1e6:.2f} MB"
+    table = Table("quantity", "value", title="what the inputs imply")
+    for name, value in rows.items():
+        table.add_row(name, value)
+    parts: list[Table | Text] = [table, Text(LEGEND)]
+    if scene.material.damage:
+        parts.append(Text(LEGEND_OF_DAMAGE))
+    if fields:
+        memory = Table("field", "MB", title="memory")
+        for name, size in sizes.items():
+            memory.add_row(name, f"{size / 1e6:.2f}")
+        parts.append(memory)
+    if not scene.plate.angle:  # no other scenario cuts a plate at an angle
+        parts.append(_against_everything(scene, simulation, measured))
+    parts.append(Text(f"kernels: {', '.join(leave_out.kernels(simulation))}"))
+    parts += [Text(f"left out: {line}") for line in left_out(scene)]
+    parts += [Text(f"note: {line}") for line in warnings(scene, simulation.steps)]
+    return Group(*parts)

@@ -1,0 +1,154 @@
+"""What a scene leaves out: fields, bytes, kernels and time beside everything switched on.
+
+Everything is: damage, damping, a notch, random strength, modulus and density, a striker and rings,
+on the scene's own lattice and in its precision. Both take turns in processes of their own, and
+medians of the rounds count. ``python -m taichi_ldem.scenarios.leave_out SCENE.toml`` prints one as
+JSON.
+"""
+
+import json
+import statistics
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taichi_ldem.scene import Scene, load_scene, parse_scene, scene_to_toml
+
+if TYPE_CHECKING:
+    from taichi_ldem.solver.simulation import Simulation
+
+AMPLITUDE = 1e-10
+"""Random displacement at the start, m: numbers that are all zero or subnormal take other times."""
+
+SECONDS = 1.0
+"""Time at least so long."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a scene costs: fields, their bytes, compiled kernels, milliseconds a step."""
+
+    fields: int
+    bytes: int
+    kernels: int
+    ms: float | None = None
+
+
+def everything(scene: Scene) -> Scene:
+    """The scene's plate and precision with every feature that a plate can have."""
+    data = scene.model_dump(by_alias=True, exclude_none=True)
+    plate, material = data["plate"], data["material"]
+    plate["angle"] = 0
+    plate["perturbation"] = 0.05
+    width = scene.plate.diameter or min(scene.plate.actual_size[:2])
+    if plate["shape"] == "dumbbell":
+        plate["shape"] = "rectangle"
+        for key in ("narrow_width", "narrow_length", "fillet_radius"):
+            del plate[key]
+    strains = {"failure_strain": 0.0175, "limit_strain": 0.035, "damage": True}
+    material = {k: v for k, v in material.items() if k != "failure_factor"}
+    x, y, _ = scene.plate.actual_size
+    middle = 0.5 * scene.plate.size[2]
+    return parse_scene(
+        {
+            "scenario": "impact",
+            "plate": plate,
+            "material": {"fracture_energy": 1034.0} | material | strains,
+            "disorder": {
+                "fracture_energy_cv": 0.1,
+                "youngs_modulus_cv": 0.1,
+                "density_cv": 0.1,
+                "seed": 1,
+            },
+            "striker": {"diameter": 0.2 * width, "mass": 1.0, "velocity": 1.0},
+            "clamp": {
+                "kind": "rings",
+                "inner_diameter": 0.6 * width,
+                "outer_diameter": 0.99 * width,
+            },
+            "solver": data["solver"] | {"damping": 1.0},
+            "output": data["output"],
+            "notch": [
+                {"normal": "z", "position": middle, "from": [-x, -y], "to": [-0.49 * x, -0.49 * y]}
+            ],
+        }
+    )
+
+
+KERNELS_OF_EVERYTHING = 7
+"""Of a scene of ``everything``: see ``kernels``."""
+
+
+def kernels(simulation: "Simulation") -> list[str]:
+    """The kernels that a run of the simulation compiles, beside reading and writing fields."""
+    found = ["step", "energies"]
+    names = ("striker", "rings", "grips", "supports")
+    bodies = [name for name in names if getattr(simulation, name) is not None]
+    found += [f"contact: {name}" for name in bodies]
+    found += [f"nodes near: {name}" for name in bodies if getattr(simulation, name).moving]
+    if simulation.gauge is not None:
+        found.append("gauge")
+    if simulation.dynamics.features.damage:
+        found.append("broken bars")
+    return found
+
+
+def cost(simulation: "Simulation") -> Cost:
+    """What a simulation has built."""
+    sizes = simulation.field_bytes()
+    return Cost(len(sizes), sum(sizes.values()), len(kernels(simulation)))
+
+
+def measure(simulation: "Simulation", seconds: float = SECONDS) -> float:
+    """Milliseconds a step, contact and a history row at the scene's interval included."""
+    dynamics = simulation.dynamics
+    shape = (2, *dynamics.sites, 3)
+    exists = dynamics.lattice.exists()[..., None]
+    start = AMPLITUDE * exists * np.random.default_rng(0).uniform(-1, 1, shape)
+    simulation.start_from(start, np.zeros(shape))
+    simulation.sample_step()
+    simulation.advance(20)
+    started, first = time.perf_counter(), simulation.step_number
+    while time.perf_counter() - started < seconds:
+        simulation.sample_step()
+        simulation.advance(simulation.sample_every - 1)
+        simulation.energies.total()  # waits for the device
+    return 1e3 * (time.perf_counter() - started) / (simulation.step_number - first)
+
+
+def child(file: Path) -> None:
+    """Print what the scene in a file costs, as JSON."""
+    from taichi_ldem.solver import backend
+
+    scene = load_scene(file)
+    backend.start(scene.solver)
+    from taichi_ldem.solver.simulation import Simulation
+
+    simulation = Simulation(scene)
+    print(json.dumps(vars(cost(simulation)) | {"ms": measure(simulation)}))
+
+
+def compare(scenes: dict[str, Scene], folder: Path, rounds: int) -> dict[str, Cost]:
+    """Costs by name, each the median of rounds in which all take turns."""
+    folder.mkdir(parents=True, exist_ok=True)
+    found: dict[str, list[dict[str, Any]]] = {name: [] for name in scenes}
+    for _ in range(rounds):
+        for name, scene in scenes.items():
+            file = folder / f"{name}.toml"
+            file.write_text(scene_to_toml(scene), encoding="utf-8")
+            command = [sys.executable, "-m", "taichi_ldem.scenarios.leave_out", str(file)]
+            done = subprocess.run(command, check=True, capture_output=True, text=True)
+            found[name].append(json.loads(done.stdout))
+    return {
+        name: Cost(**rows[0] | {"ms": statistics.median(row["ms"] for row in rows)})
+        for name, rows in found.items()
+    }
+
+
+if __name__ == "__main__":
+    child(Path(sys.argv[1]))

@@ -1,0 +1,134 @@
+"""The reference of scene keys, from the schema itself: ``docs/scene-keys.md``.
+
+python -m taichi_ldem.scene.reference docs/scene-keys.md
+"""
+
+from __future__ import annotations
+
+import sys
+import types
+import typing
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from annotated_types import Ge, Gt, Le, Lt
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticUndefined
+
+from taichi_ldem.scene import LAW_NAMES, Scene
+
+HEAD = """# Scene keys
+
+<!-- Made by: python -m taichi_ldem.scene.reference docs/scene-keys.md (a test compares) -->
+
+SI units everywhere. The plate is centred at x = y = 0 with its bottom at z = 0; the striker comes
+from above. A table or key that a scene leaves out is a feature that is neither allocated nor
+compiled; unknown keys are refused. On the command line `--set section.key=value` overrides the
+file. `ldem info SCENE.toml` says what a scene implies.
+
+"""
+
+
+def reference() -> str:
+    """The page, Markdown."""
+    parts = [HEAD, "## Top\n\n"]
+    simple = {n: f for n, f in Scene.model_fields.items() if _table(f) is None}
+    parts.append(_rows(simple.items()))
+    for name, field in Scene.model_fields.items():
+        table = _table(field)
+        if table is None:
+            continue
+        repeated = "tuple" in str(field.annotation)
+        title = f"[[{name}]]" if repeated else f"[{name}]"
+        needed = "needed" if field.is_required() else "may be left out"
+        about = " ".join((table.__doc__ or "").split())
+        parts.append(f"\n## `{title}`\n\n{about} ({needed})\n\n")
+        parts.append(_rows(table.model_fields.items()))
+    return "".join(parts)
+
+
+def _table(field: FieldInfo) -> type[BaseModel] | None:
+    """The table that a field of the scene holds, once or several times."""
+    for kind in _flat(field.annotation):
+        if isinstance(kind, type) and issubclass(kind, BaseModel):
+            return kind
+    return None
+
+
+def _flat(kind: Any) -> Iterator[Any]:
+    yield kind
+    for inner in typing.get_args(kind):
+        yield from _flat(inner)
+
+
+def _rows(fields: Any) -> str:
+    lines = ["| key | values | default | what |\n|---|---|---|---|\n"]
+    for name, field in fields:
+        key, values = field.alias or name, _values(name, field.annotation, field.metadata)
+        about = (field.description or "").replace("|", "\\|")
+        lines.append(f"| `{key}` | {values} | {_default(field)} | {about} |\n")
+    return "".join(lines)
+
+
+def _default(field: FieldInfo) -> str:
+    if field.is_required():
+        return "**needed**"
+    if field.default is None or field.default is PydanticUndefined:
+        return "none"
+    return f"`{_toml(field.default)}`"
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, tuple):
+        return f"[{', '.join(_toml(item) for item in value)}]"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _values(name: str, kind: Any, metadata: Sequence[Any] = ()) -> str:
+    """What may stand for a key, in words."""
+    origin, inner = typing.get_origin(kind), typing.get_args(kind)
+    if origin is typing.Annotated:
+        return _values(name, inner[0], [*inner[1:], *metadata])
+    if origin in (typing.Union, types.UnionType):
+        return " or ".join(_values(name, k, metadata) for k in inner if k is not type(None))
+    if origin is typing.Literal:
+        return ", ".join(f"`{_toml(value)}`" for value in inner)
+    if origin is tuple:
+        if Ellipsis in inner:
+            return f"list of {_values(name, inner[0])}"
+        return f"{len(inner)} of: {_values(name, inner[0])}"
+    if name == "law":
+        return ", ".join(f'`"{law}"`' for law in LAW_NAMES)
+    words = {float: "number", int: "whole number", bool: "`true`, `false`", str: "text"}
+    return words.get(kind, str(kind)) + _limits(metadata)
+
+
+def _limits(metadata: Sequence[Any]) -> str:
+    found = []
+    for item in metadata:
+        parts = getattr(item, "metadata", None) or [item]  # a Field within Annotated
+        for part in parts:
+            for limit, sign in ((Gt, ">"), (Ge, ">="), (Lt, "<"), (Le, "<=")):
+                if isinstance(part, limit):
+                    value = getattr(part, limit.__name__.lower())
+                    found.append(f" {sign} {value:g}")
+    return ",".join(dict.fromkeys(found))
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Write the page, or print it."""
+    if arguments:
+        Path(arguments[0]).write_text(reference(), encoding="utf-8")
+    else:
+        print(reference())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,1 @@
+"""The lattice stepped in time: all Taichi kernels."""

@@ -1,0 +1,181 @@
+"""The ledger: every energy from state alone, in a fixed order of summation.
+
+A bar's elastic energy follows from its strain and its dissipated energy from its peak strain, so
+the hot loop carries nothing for them. Kinetic energy at t_n is 1/2 v(n-1/2) M v(n+1/2): with it,
+central differences conserve the discrete energy of a linear lattice exactly.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import taichi as ti
+
+from taichi_ldem.model.lattice import BARS_PER_SITE
+from taichi_ldem.solver.dynamics import ALL, Dynamics, field_apart
+from taichi_ldem.solver.lanes import HALO
+
+STRAIN, FRACTURE, BROKEN, KINETIC, DAMPED = range(5)
+
+GROUP = 128
+"""Pieces of rows whose sums one thread of a GPU adds up."""
+
+
+@dataclass(frozen=True)
+class Ledger:
+    """Energies at one time, J (the plate's, and what crossed its border).
+
+    ``imbalance`` is what the others fail to add up to since the start.
+    """
+
+    kinetic_plate: float = 0.0
+    kinetic_striker: float = 0.0
+    strain: float = 0.0
+    fracture: float = 0.0
+    damping: float = 0.0
+    contact: float = 0.0
+    external: float = 0.0
+
+    @property
+    def stored(self) -> float:
+        """Kinetic, strain and dissipated energy."""
+        return (
+            self.kinetic_plate
+            + self.kinetic_striker
+            + self.strain
+            + self.fracture
+            + self.damping
+            + self.contact
+        )
+
+    @property
+    def held_by_plate(self) -> float:
+        """What the plate holds, has dissipated, or has lost in contact."""
+        own = self.kinetic_plate + self.strain + self.fracture + self.damping
+        return own + abs(self.contact)
+
+    def imbalance(self, start: "Ledger") -> float:
+        """Energy that appeared (positive) or vanished since ``start``, beyond external work, J."""
+        return self.stored - start.stored - (self.external - start.external)
+
+    def error(self, start: "Ledger") -> float:
+        """Imbalance over initial energy plus external work (0 where both are)."""
+        scale = start.stored + abs(self.external - start.external)
+        return abs(self.imbalance(start)) / scale if scale > 0 else 0.0
+
+    def error_of_plate(self, start: "Ledger", floor: float) -> float:
+        """Imbalance over what the plate was given: the striker's loss plus external work.
+
+        Args:
+            floor: smallest scale, J, so that the first microseconds raise no alarm.
+        """
+        given = start.kinetic_striker - self.kinetic_striker + self.external - start.external
+        scale = max(given, floor)
+        return abs(self.imbalance(start)) / scale if scale > 0 else 0.0
+
+
+@ti.data_oriented
+class EnergySums:
+    """Sums of the plate's energies, added up on the device one after the other.
+
+    Kinetic energy and losses by damping come from a measured step (``Dynamics.moving``). On a GPU,
+    where one thread is slow, rows are cut into pieces and added up in groups.
+
+    Attributes:
+        rows: 3-vectors in f64, one for each row of sites or piece of it: strain, fracture (J),
+            broken bars.
+        group_sums: 5-vectors in f64, as ``total`` returns them.
+    """
+
+    def __init__(self, dynamics: Dynamics):
+        self.dynamics = dynamics
+        nz, ny, _ = dynamics.sites
+        self.rows = field_apart(ti.f64, nz * ny * dynamics.pieces, 3)
+        rows = max(part.shape[0] for part in (self.rows, dynamics.moving))
+        self.group = rows if dynamics.on_cpu else GROUP
+        self.group_sums = field_apart(ti.f64, -(-rows // self.group), 5)
+
+    @ti.func
+    def bar_energy(self, bar: ti.template(), e, k, j, m, lane, spacing, peak_strain):
+        """Strain energy and dissipated energy of a bar (J) at a strain, and 1 if it is broken."""
+        whole = self.dynamics.bar_stiffness(bar, k, j, m, lane)
+        if ti.static(self.dynamics.features.notch):
+            if (self.dynamics.removed[k, j, m][lane] >> bar) & 1:
+                whole = 0.0
+        length = spacing * ti.static(1.0 if bar < 6 else 0.75**0.5)
+        twice = ti.cast(whole, ti.f64) * length * length
+        if ti.static(self.dynamics.features.perturbed):
+            # EA L0 is EA / L0 times the square of the bar's own length
+            twice /= ti.cast(self.dynamics.shortness(bar, k, j, m, lane), ti.f64)
+        result = ti.Vector([0.5 * twice * e * e, 0.0, 0.0], ti.f64)
+        if ti.static(self.dynamics.features.damage):
+            peak = self.dynamics.peak[bar][k, j, m][lane]
+            if peak > 1:
+                result[0] *= self.dynamics.integrity(bar, e, peak)
+                own = self.dynamics.own_peak_strain(bar, k, j, m, lane, peak_strain)
+                result[1] = twice * own**2 * self.dynamics.dissipated(bar, peak)
+                failure = self.dynamics.softening[ti.static(self.dynamics.softening_row(bar))][0]
+                if whole > 0 and peak >= failure:
+                    result[2] = 1.0
+        return result
+
+    @ti.kernel
+    def _potential(self, now: int, spacing: float, peak_strain: float):
+        nz, ny, _ = ti.static(self.dynamics.sites)
+        for row in range(self.rows.shape[0]):
+            total = ti.Vector.zero(ti.f64, 3)
+            k, j = row // self.dynamics.pieces // ny, row // self.dynamics.pieces % ny
+            piece = row % self.dynamics.pieces
+            if k > 0 and j > 0 and k < nz - 1 and j < ny - 1:
+                begin = HALO + piece * self.dynamics.piece
+                for m in range(begin, self.dynamics.piece_end(piece)):
+                    for bar in ti.static(range(BARS_PER_SITE)):
+                        q = self.dynamics.stretch(bar, now, k, j, m, spacing, ALL)
+                        strain = self.dynamics.strain(q)
+                        for lane in range(self.dynamics.lanes.width):
+                            total += self.bar_energy(
+                                bar, strain[lane], k, j, m, lane, spacing, peak_strain
+                            )
+            self.rows[row] = total
+
+    def potential(self, now: int) -> None:
+        """Sum strain energy, dissipated energy and broken bars at the displacement ``now``."""
+        d = self.dynamics
+        self._potential(now, d.lattice.spacing, d.peak_strain)
+
+    @ti.func
+    def add_up(self):
+        """Add up the rows of each group, in their order."""
+        for group in range(self.group_sums.shape[0]):
+            first = group * self.group
+            bars, nodes = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 2)
+            for row in range(first, ti.min(first + self.group, self.rows.shape[0])):
+                bars += self.rows[row]
+            for row in range(first, ti.min(first + self.group, self.dynamics.moving.shape[0])):
+                nodes += self.dynamics.moving[row]
+            self.group_sums[group] = ti.Vector(
+                [bars[0], bars[1], bars[2], nodes[0], nodes[1]], ti.f64
+            )
+
+    @ti.func
+    def sums(self):
+        """Sum over the groups, in their order; for one thread."""
+        total = ti.Vector.zero(ti.f64, 5)
+        for group in range(self.group_sums.shape[0]):
+            total += self.group_sums[group]
+        return total
+
+    @ti.kernel
+    def _total(self, values: ti.types.ndarray()):
+        self.add_up()
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            total = self.sums()
+            for n in ti.static(range(5)):
+                values[n] = total[n]
+
+    def total(self) -> npt.NDArray[np.float64]:
+        """(5,) sums over the plate: strain, fracture, broken bars, kinetic, damped."""
+        values = np.zeros(5)
+        self._total(values)
+        return values

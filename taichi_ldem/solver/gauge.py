@@ -1,0 +1,79 @@
+"""An extensometer: strains along and across the middle part of a specimen in tension."""
+
+import math
+
+import numpy as np
+import taichi as ti
+
+from taichi_ldem.solver.dynamics import CORNER, Dynamics, field_apart
+
+
+@ti.data_oriented
+class Gauge:
+    """Four bands of corner nodes, whose mean displacements are read at every sample.
+
+    Two lie across the specimen: the nodes within half a module of either end of the gauge length.
+    Two lie along it: the nodes of the gauge length within half a module of either side. Means are
+    weighted with the nodes' masses.
+
+    Args:
+        angle: of the specimen's long side to x, radians.
+        length: nominal gauge length, m.
+
+    Attributes:
+        length: between the two bands across, m.
+        width: between the two bands along, m.
+        section: mean section of the specimen in the gauge length, m2.
+    """
+
+    def __init__(self, dynamics: Dynamics, angle: float, length: float):
+        self.dynamics = dynamics
+        lattice, spacing = dynamics.lattice, dynamics.lattice.spacing
+        turn = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
+        along, across = turn @ lattice.grid()[..., :2].reshape(-1, 2).T
+        mass = dynamics.masses().ravel()
+        corner = (mass > 0) & (np.arange(len(mass)) < len(mass) // 2)
+        reach = (0.5 + 1e-6) * spacing
+        middle = corner & (np.abs(along) <= 0.5 * length + 1e-6 * spacing)
+        side = np.abs(across[middle]).max()
+        bands = [corner & (np.abs(along - sign * 0.5 * length) <= reach) for sign in (-1, 1)]
+        bands += [middle & (np.abs(across - sign * side) <= reach) for sign in (-1, 1)]
+        number = np.flatnonzero(np.any(bands, axis=0))
+        shares = [np.where(band, mass, 0.0)[number] for band in bands]
+        self._means = np.array([share / share.sum() for share in shares])
+        self._turn = turn
+        self.section = self._section(along, length)
+        along, across = turn @ lattice.positions()[..., :2].reshape(-1, 2).T
+        self.length = float((self._means[1] - self._means[0]) @ along[number])
+        self.width = float((self._means[3] - self._means[2]) @ across[number])
+        self.nodes = field_apart(ti.i32, len(number))
+        self.nodes.from_numpy(number.astype(np.int32))
+
+    def _section(self, along: np.ndarray, length: float) -> float:
+        """Volume over length of the planes of modules whose centres are in the gauge length, m2."""
+        lattice = self.dynamics.lattice
+        centres = along.reshape(2, -1)[1][lattice.exists()[1].ravel()]
+        inside = centres[np.abs(centres) <= 0.5 * length]
+        step = 1e-6 * lattice.spacing
+        planes = np.unique(np.rint(inside / step))
+        between = step * (planes[-1] - planes[0]) / (len(planes) - 1)
+        return float(len(inside) * lattice.spacing**3 / (len(planes) * between))
+
+    @ti.kernel
+    def _gather(self, now: int, values: ti.types.ndarray()):
+        nz, ny, nx = ti.static(self.dynamics.sites)
+        for number in self.nodes:
+            node = self.nodes[number]
+            place = node // (ny * nx) % nz, node // nx % ny, node % nx
+            moved = self.dynamics.node_displacement(now, CORNER, place[0], place[1], place[2])
+            for axis in ti.static(range(2)):
+                values[number, axis] = ti.cast(moved[axis], ti.f64)
+
+    def strains(self, now: int) -> tuple[float, float]:
+        """Engineering strains along and across the specimen at the displacement ``now``."""
+        moved = np.zeros((self.nodes.shape[0], 2))
+        self._gather(now, moved)
+        along, across = self._turn @ moved.T
+        extension = float((self._means[1] - self._means[0]) @ along)
+        widening = float((self._means[3] - self._means[2]) @ across)
+        return extension / self.length, widening / self.width

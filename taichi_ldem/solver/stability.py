@@ -1,0 +1,205 @@
+"""The critical time step of the assembled lattice.
+
+Central differences are stable up to 2 / omega_max. The highest frequency comes from a few Lanczos
+steps on M^(-1/2) K M^(-1/2), with K applied by the very kernels that step the plate, so it is the
+operator of the run and not a bound on it (the element-wise bound is a third too low). Kinematic
+contact and clamps are constraints, which cannot raise the highest frequency, and broken bars lower
+it.
+"""
+
+import numpy as np
+import numpy.typing as npt
+import taichi as ti
+
+from taichi_ldem.model.lattice import BAR_VECTORS, BARS_PER_SITE, bar_weights
+from taichi_ldem.solver.dynamics import _ENDS as ENDS
+from taichi_ldem.solver.dynamics import NODE_AXES, Dynamics, field_apart
+from taichi_ldem.solver.lanes import HALO
+
+STRETCHED = 3**-0.5
+"""Share of the critical time step at rest that is enough at any deformation.
+
+A bar of stiffness k at length ratio r has the tangent stiffness k along itself and k (1 - 1/r) < k
+across, so no deformation takes omega^2 above that of the lattice whose bars had k in every
+direction; averaged over three directions of motion that lattice's energy is three times the
+lattice's own, so its omega^2 is at most three times that at rest. Softening and breaking lower it.
+"""
+
+TOLERANCE = 1e-3
+MOST = 200
+"""Lanczos steps at most; a plate of any size takes some fifteen."""
+
+
+@ti.data_oriented
+class Lanczos:
+    """Lanczos' recurrence in the lattice's own fields, in the inner product of the masses.
+
+    The displacement is the latest vector u(j), the velocity the one before, times beta(j - 1). From
+    there the step's own operator, for a second and without moving, makes the velocity
+    beta(j - 1) u(j - 1) - A u(j) with A = M^-1 K: all that the next vector needs. The vectors are
+    so small (strains of about 1e-6) that the non-linear kernels answer linearly. No old vectors
+    are kept: the largest eigenvalue does not need them.
+
+    Attributes:
+        rows: 2-vectors in f64, products with the masses over a row or piece of it.
+    """
+
+    def __init__(self, dynamics: Dynamics):
+        self.dynamics = dynamics
+        nz, ny, _ = dynamics.sites
+        self.rows = field_apart(ti.f64, nz * ny * dynamics.pieces, 2)
+
+    @ti.func
+    def noise(self, number):
+        """A number from -1/2 to 1/2 for each integer, the same everywhere."""
+        x = ti.cast(number, ti.u32) * ti.u32(747796405) + ti.u32(1013904223)
+        x = (x ^ ti.bit_shr(x, ti.u32(15))) * ti.u32(277803737)
+        x = x ^ ti.bit_shr(x, ti.u32(13))
+        return ti.cast(ti.bit_shr(x, ti.u32(8)), float) / 16777216.0 - 0.5
+
+    @ti.kernel
+    def start(self, size: float):
+        """Put a random vector into displacement and velocity, zero where nothing can move."""
+        nz, ny, nx = ti.static(self.dynamics.sites)
+        owned = ti.static((HALO, HALO + self.dynamics.lanes.length))
+        for k, j, m in ti.ndrange((1, nz - 1), (1, ny - 1), owned):
+            for s, axis in ti.static(NODE_AXES):
+                inverse = self.dynamics.lane_inverse_masses(s, k, j, m)
+                vector = ti.Vector.zero(float, self.dynamics.lanes.width)
+                for lane in ti.static(range(self.dynamics.lanes.width)):
+                    site = (k * ny + j) * nx + self.dynamics.site_of(m, lane)
+                    if inverse[lane] > 0:
+                        vector[lane] = size * self.noise(6 * site + 3 * s + axis)
+                self.dynamics.displacement[s][axis][0, k, j, m] = vector
+                self.dynamics.velocity[s][axis][k, j, m] = vector
+            self.dynamics.repeat_halo(0, k, j, m)
+
+    @ti.kernel
+    def _products(self):
+        nz, ny = ti.static(self.dynamics.sites[:2])
+        for j, k, piece in ti.ndrange((1, ny - 1), (1, nz - 1), self.dynamics.pieces):
+            sums = ti.Vector.zero(ti.f64, 2)
+            begin = HALO + piece * self.dynamics.piece
+            for m in range(begin, self.dynamics.piece_end(piece)):
+                for s, axis in ti.static(NODE_AXES):
+                    mass = self.dynamics.lane_masses(s, k, j, m)
+                    u = self.dynamics.displacement[s][axis][0, k, j, m]
+                    v = self.dynamics.velocity[s][axis][k, j, m]
+                    for lane in ti.static(range(self.dynamics.lanes.width)):
+                        weighted = ti.cast(mass[lane], ti.f64) * v[lane]
+                        sums[0] += weighted * u[lane]
+                        sums[1] += weighted * v[lane]
+            self.rows[(j * nz + k) * self.dynamics.pieces + piece] = sums
+
+    def products(self) -> tuple[float, float]:
+        """Products u M v and v M v of displacement u and velocity v."""
+        self._products()
+        first, second = self.rows.to_numpy().sum(axis=0)
+        return float(first), float(second)
+
+    @ti.kernel
+    def combine(self, p: float, q: float, r: float):
+        """Displacement u and velocity v become p u + q v and r u."""
+        nz, ny = ti.static(self.dynamics.sites[:2])
+        owned = ti.static((HALO, HALO + self.dynamics.lanes.length))
+        for k, j, m in ti.ndrange((1, nz - 1), (1, ny - 1), owned):
+            for s, axis in ti.static(NODE_AXES):
+                u = self.dynamics.displacement[s][axis][0, k, j, m]
+                v = self.dynamics.velocity[s][axis][k, j, m]
+                self.dynamics.displacement[s][axis][0, k, j, m] = p * u + q * v
+                self.dynamics.velocity[s][axis][k, j, m] = r * u
+            self.dynamics.repeat_halo(0, k, j, m)
+
+    def _amplitude(self) -> float:
+        """Norm of the vectors, sqrt(kg) m: all of it in the lightest node strains bars by 1e-6.
+
+        Or by a hundredth of the weakest bar's eps_p: the kernels answer linearly then, and note no
+        history.
+        """
+        d = self.dynamics
+        mass = d.masses() if d.features.density else d.mass.to_numpy()
+        strain = min(1e-6, 1e-2 * _least_peak_strain(d))
+        return float(strain * d.lattice.spacing * np.sqrt(mass[mass > 0].min()))
+
+    def largest(self) -> float:
+        """The largest eigenvalue of M^-1 K, (rad/s)^2; fields are left at zero."""
+        self.start(1.0)
+        norm, _ = self.products()
+        size = self._amplitude() / np.sqrt(norm)
+        self.combine(size, 0.0, 0.0)
+        norm *= size**2
+        diagonal: list[float] = []
+        beside: list[float] = []
+        found = 0.0
+        for _ in range(MOST):
+            self.dynamics.kick(0, 1.0)
+            product, square = self.products()
+            diagonal.append(-product / norm)
+            rest = square / norm - diagonal[-1] ** 2
+            matrix = np.diag(diagonal) + np.diag(beside, 1) + np.diag(beside, -1)
+            values, vectors = np.linalg.eigh(matrix)
+            found = float(values[-1])
+            # the residual of the largest Ritz value; where nothing is left, it is exact
+            if rest <= 1e-12 * found**2 or rest * vectors[-1, -1] ** 2 <= (TOLERANCE * found) ** 2:
+                break
+            beside.append(float(np.sqrt(rest)))
+            self.combine(-diagonal[-1] / beside[-1], -1 / beside[-1], beside[-1])
+        self.combine(0.0, 0.0, 0.0)
+        self.dynamics.kick(0, 0.0)  # the other buffer, too
+        return found
+
+
+def critical_time_step(dynamics: Dynamics) -> float:
+    """2 / omega_max of the lattice at rest, s.
+
+    The Lanczos value approaches omega_max^2 from below; its tolerance of 1e-3 means half of that in
+    the time step. Displacements and velocities are left at zero.
+    """
+    kept = vars(dynamics)  # another instance would compile its kernels anew
+    if "estimate" not in kept:
+        kept["estimate"] = Lanczos(dynamics)
+    return float(2 / np.sqrt(kept["estimate"].largest()))
+
+
+def _least_peak_strain(dynamics: Dynamics) -> float:
+    """The smallest eps_p of any bar; infinite without damage."""
+    if not dynamics.features.damage:
+        return np.inf
+    weakest = float(dynamics.weakest.to_numpy().min()) if dynamics.features.strength else 1.0
+    return dynamics.peak_strain * weakest
+
+
+def largest_strains(
+    dynamics: Dynamics, displacement: npt.NDArray[np.float64]
+) -> tuple[float, float]:
+    """Largest and smallest strain of the bars that carry, at a displacement (2, *S, 3), m.
+
+    NaN where a position is not finite; (0, 0) where there is no bar left.
+    """
+    lattice, features = dynamics.lattice, dynamics.features
+    carries = bar_weights(False)[lattice.code] > 0
+    if features.notch:
+        removed = dynamics.lanes.gather(dynamics.removed.to_numpy())
+        carries &= (removed[..., None] >> np.arange(BARS_PER_SITE) & 1) == 0
+    if features.damage:
+        failure = dynamics.softening.to_numpy()[:, 0]
+        for bar, field in enumerate(dynamics.peak):
+            peak = dynamics.lanes.gather(field.to_numpy())
+            carries[..., bar] &= peak < failure[dynamics.softening_row(bar)]
+    extremes = [0.0]
+    for bar, ends in enumerate(ENDS):
+        if carries[..., bar].any():
+            first, second = (
+                np.roll(displacement[kind], [-n for n in offset], axis=(0, 1, 2))
+                for kind, offset in ends
+            )
+            rest = BAR_VECTORS[bar] * lattice.spacing
+            with np.errstate(over="ignore", invalid="ignore"):
+                now = np.linalg.norm(second - first + rest, axis=-1)[carries[..., bar]]
+            strain = now / np.linalg.norm(rest) - 1
+            extremes += [float(strain.max()), float(strain.min())]
+    return max(extremes, key=_nan_first), min(extremes, key=lambda e: -_nan_first(-e))
+
+
+def _nan_first(value: float) -> float:
+    return np.inf if np.isnan(value) else value

@@ -1,0 +1,61 @@
+"""Reads what single bars carry; import it once Taichi has started."""
+
+import numpy as np
+import taichi as ti
+
+from taichi_ldem.solver.contact import RigidBody
+from taichi_ldem.solver.dynamics import BARS_PER_SITE, Dynamics
+from taichi_ldem.solver.lanes import HALO
+
+
+@ti.data_oriented
+class BarForces:
+    """Pass 1 alone, row by row."""
+
+    def __init__(self, dynamics: Dynamics):
+        self.dynamics = dynamics
+
+    @ti.kernel
+    def row(self, j: int, now: int, spacing: float, peak: float, values: ti.types.ndarray()):
+        """Copy the scalars of a row of sites into (S, 14) values."""
+        row = self.dynamics.row_place(j)
+        for k in range(1, self.dynamics.sites[0] - 1):
+            for m in range(HALO, HALO + self.dynamics.lanes.length):
+                self.dynamics.column_forces(0, row, now, k, j, m, spacing, peak)
+                for lane in ti.static(range(self.dynamics.lanes.width)):
+                    site = self.dynamics.site_of(m, lane)
+                    for bar in ti.static(range(BARS_PER_SITE)):
+                        values[k, j, site, bar] = self.dynamics.axial[bar][0, row, k, m][lane]
+
+    def read(self, now: int) -> np.ndarray:
+        """(S, 14) axial force over current length, N/m."""
+        d = self.dynamics
+        values = np.zeros((*d.sites, BARS_PER_SITE))
+        for j in range(1, d.sites[1] - 1):
+            self.row(j, now, d.lattice.spacing, d.peak_strain, values)
+        return values
+
+
+@ti.data_oriented
+class Places:
+    """Where rigid bodies take the nodes to be at rest."""
+
+    def __init__(self, dynamics: Dynamics):
+        self.sites = dynamics.sites
+        self.body = RigidBody(dynamics, (0.0,), 1)
+
+    @ti.kernel
+    def fill(self, spacing: float, values: ti.types.ndarray()):
+        """Copy the places of all nodes into (2, S, 3) values; ghosts are left."""
+        nz, ny, nx = ti.static(self.sites)
+        for k, j, i in ti.ndrange((1, nz - 1), (1, ny - 1), (1, nx - 1)):
+            for s in range(2):
+                place = self.body.rest(s, k, j, i, spacing)
+                for axis in ti.static(range(3)):
+                    values[s, k, j, i, axis] = place[axis]
+
+    def read(self) -> np.ndarray:
+        """(2, S, 3) m."""
+        values = np.zeros((2, *self.sites, 3))
+        self.fill(self.body.dynamics.lattice.spacing, values)
+        return values

@@ -1,0 +1,153 @@
+"""Shots and movies of a run, on a run folder made from formulas."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from support.synthetic import synthetic_run
+
+from taichi_ldem.cli import main
+from taichi_ldem.output.movie import _palette, _write_gif, check
+from taichi_ldem.output.render.snapshots import Shot, _view_of, parse_section, speed, strain_energy
+from taichi_ldem.scene import SceneError
+from taichi_ldem.solver.backend import vulkan_device
+from taichi_ldem.storage.store import Fields, RunFolder, hexahedral_mesh
+
+needs_vulkan = pytest.mark.skipif(
+    not vulkan_device(), reason="no Vulkan device: apt install mesa-vulkan-drivers"
+)
+
+
+def _moved(gradient: np.ndarray, velocity: tuple[float, float, float]) -> Fields:
+    """2 x 2 x 1 modules of edge 0.5, displaced by a homogeneous gradient."""
+    points, hexahedra, _ = hexahedral_mesh(np.ones((1, 2, 2), dtype=bool), 0.5, (0.0, 0.0, 0.0))
+    broken = np.array([0.0, 0.0, 0.25, 0.0], dtype=np.float32)
+    moving = np.tile(np.float32(velocity), (len(points), 1))
+    displacement = (points @ gradient.T).astype(np.float32)
+    return Fields(points, hexahedra, displacement, moving, broken, 0.0, np.zeros(1))
+
+
+def test_speed_is_that_of_the_corners() -> None:
+    np.testing.assert_allclose(speed(_moved(np.zeros((3, 3)), (0.0, 3.0, -4.0))), 5.0)
+
+
+def test_strain_energy_of_homogeneous_strains() -> None:
+    """Uniaxial strain: C11/2 e2; simple shear: 2 C44 (g/2)^2 and what Green's strain adds."""
+    strain = 2.0**-10  # exact in single precision
+    pulled = np.zeros((3, 3))
+    pulled[0, 0] = strain
+    green = strain + strain**2 / 2
+    energy = strain_energy(_moved(pulled, (0, 0, 0)), (6.0, 2.0, 2.0))
+    np.testing.assert_allclose(energy, [3 * green**2] * 2 + [np.nan] + [3 * green**2], rtol=1e-12)
+    sheared = np.zeros((3, 3))
+    sheared[1, 2] = strain
+    energy = strain_energy(_moved(sheared, (0, 0, 0)), (6.0, 2.0, 2.0))[0]
+    assert energy == pytest.approx(4 * (strain / 2) ** 2 + 3 * (strain**2 / 2) ** 2, rel=1e-12)
+
+
+def test_a_rotation_has_no_strain_energy() -> None:
+    cosine, sine = np.cos(0.7), np.sin(0.7)
+    turned = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]]) - np.eye(3)
+    energy = strain_energy(_moved(turned, (0, 0, 0)), (6.0, 2.0, 2.0))
+    assert np.nanmax(np.abs(energy)) < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("view", "section", "kept"),
+    [
+        ("above", ("y", 0.5), [False, False, True, True]),  # the eye is at -y
+        ("above", ("x", 0.5), [True, False, True, False]),  # and at +x
+        ("above", ("z", 0.6), [True, True, True, True]),
+        ("below", ("z", 0.6), [False, False, False, False]),
+    ],
+)
+def test_what_lies_before_the_section_is_not_drawn(view, section, kept) -> None:
+    fields = _moved(np.zeros((3, 3)), (0, 0, 0))
+    shot = Shot(view=view, section=section)
+    assert _view_of(shot, np.array((1.0, 1.0, 0.5))).part(fields).tolist() == kept
+
+
+@pytest.mark.parametrize("text", ["y", "y=", "w=1", "y=nan", "y=one"])
+def test_a_section_that_is_none_is_refused(text: str) -> None:
+    with pytest.raises(SceneError, match="--section"):
+        parse_section(text)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--view", "left"], "--view left: must be below, above or cut"),
+        (["--colour", "heat"], "--colour heat: must be damage, velocity or energy"),
+        (["--movie", "--out", "a.avi"], "must end in .mp4 or .gif"),
+        (["--movie", "--fps", "0"], "--fps 0.0: must lie between"),
+        (["--movie", "--width", "10"], "--width 10: must lie between"),
+    ],
+)
+def test_bad_options_are_one_line(
+    cracked: RunFolder, words: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["render", str(cracked.path), *words]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert message in err
+
+
+@pytest.fixture(scope="module")
+def cracked(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
+    return synthetic_run(tmp_path_factory.mktemp("runs") / "cracked")
+
+
+@needs_vulkan
+def test_a_movie_has_a_picture_a_stored_step(
+    cracked: RunFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import imageio_ffmpeg
+
+    words = ["--movie", "--colour", "velocity", "--section", "y=0", "--view", "above"]
+    assert main(["render", str(cracked.path), *words, "--width", "480", "--fps", "4"]) == 0
+    path = cracked.path / "movie.mp4"
+    assert capsys.readouterr().out == f"{path}: 3 pictures\n"
+    reader = imageio_ffmpeg.read_frames(str(path))
+    about = next(reader)
+    assert about["size"] == (480, 360)
+    assert about["codec"] == "h264"
+    frames = [np.frombuffer(frame, np.uint8).reshape(360, 480, 3).astype(int) for frame in reader]
+    assert len(frames) == 3 + 4  # and a second on the last
+    at_rest, moving = frames[0][60:300], frames[2][60:300]
+    # the far half of the plate: dark violet at rest, brighter where it moves
+    drawn = (at_rest < 230).all(axis=2).mean()
+    assert 0.05 < drawn < 0.5
+    assert np.abs(moving - at_rest).max(axis=2).mean() > 5
+
+
+def test_a_gif_repeats_and_holds_its_last_picture(tmp_path: Path) -> None:
+    pictures = [tmp_path / f"{shade}.png" for shade in (0, 200)]
+    for picture, shade in zip(pictures, (0, 200), strict=True):
+        Image.new("RGB", (640, 480), (shade, 0, 0)).save(picture)
+    _write_gif(tmp_path / "a.gif", pictures, 10.0, 321)
+    with Image.open(tmp_path / "a.gif") as gif:
+        assert (gif.n_frames, gif.size, gif.info["loop"]) == (2, (320, 240), 0)
+        assert gif.info["duration"] == 100
+        gif.seek(1)
+        assert gif.info["duration"] == 1000
+        assert gif.convert("RGB").getpixel((5, 5)) == (200, 0, 0)
+
+
+def test_a_gif_keeps_the_colour_of_small_things():
+    # A plate's worth of greys and a blue of 16 pixels.
+    greys = np.resize(np.arange(60, 250, dtype=np.uint8), (120, 160))
+    image = np.stack([greys, greys, greys], axis=-1)
+    image[10:14, 10:14] = (60, 120, 190)
+    picture = Image.fromarray(image)
+    shown = picture.quantize(palette=_palette([picture]), dither=Image.Dither.NONE).convert("RGB")
+    assert np.abs(np.asarray(shown)[11, 11].astype(int) - (60, 120, 190)).max() < 10
+    assert np.abs(np.asarray(shown).astype(int) - image).max() < 10
+
+
+def test_a_missing_encoder_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(SceneError, match="pip install imageio-ffmpeg"):
+        check(tmp_path / "movie.mp4")
+    check(tmp_path / "movie.gif")

@@ -1,0 +1,49 @@
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from studies.leave_out import table
+from taichi_ldem.scenarios.describe import left_out
+from taichi_ldem.scenarios.leave_out import KERNELS_OF_EVERYTHING, Cost, everything, kernels
+from taichi_ldem.scene import load_scene
+from taichi_ldem.solver.memory import field_bytes
+
+CONFIGS = sorted((Path(__file__).parents[3] / "configs").glob("*.toml"))
+
+
+@pytest.mark.parametrize("file", CONFIGS, ids=[file.stem for file in CONFIGS])
+def test_everything_leaves_out_only_what_a_plate_cannot_have(file: Path) -> None:
+    scene = load_scene(file)
+    full = everything(scene)
+    assert full.plate.modules == scene.plate.modules
+    assert [line.split(" (")[0] for line in left_out(full)] == [
+        "grips and gauge",
+        "support contact",
+    ]
+
+
+def test_a_free_vibration_needs_seven_tenths_of_an_impact_s_bytes() -> None:
+    """The promise of the leave-out report, on the paper's lattice."""
+    by_name = {file.stem: load_scene(file) for file in CONFIGS}
+    impact, modes = by_name["impact"], by_name["modes"]
+    assert modes.plate.modules == impact.plate.modules
+    assert field_bytes(modes) <= 0.7 * field_bytes(impact)
+
+
+def test_kernels_are_those_of_the_features() -> None:
+    body, fixed = SimpleNamespace(moving=True), SimpleNamespace(moving=False)
+    none = dict.fromkeys(("striker", "rings", "grips", "supports", "gauge"))
+
+    def of(damage: bool, **parts: SimpleNamespace) -> list[str]:
+        dynamics = SimpleNamespace(features=SimpleNamespace(damage=damage))
+        return kernels(SimpleNamespace(dynamics=dynamics, **none | parts))  # type: ignore[arg-type]
+
+    assert len(of(True, striker=body, rings=body)) == KERNELS_OF_EVERYTHING
+    assert of(False) == of(True)[:2]
+    assert len(of(False, rings=fixed)) == len(of(False, rings=body)) - 1
+
+
+def test_the_table_gives_both_costs_and_their_shares() -> None:
+    text = table({"impact": (Cost(20, 50_000_000, 7, 3.0), Cost(30, 100_000_000, 8, 6.0))})
+    assert "| impact | 20, 30 | 50.00, 100.00 | 7, 8 | 3, 6 | 50 % | 50 % |" in text

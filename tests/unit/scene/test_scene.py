@@ -1,0 +1,214 @@
+"""Scenes: what is read, resolved, rounded and written back."""
+
+import itertools
+import math
+from pathlib import Path
+
+import pytest
+
+from taichi_ldem.scene import Scene, SceneError, load_scene, parse_scene, scene_to_toml
+
+CONFIGS = sorted((Path(__file__).parents[3] / "configs").glob("*.toml"))
+
+MINIMAL = """
+scenario = "impact"
+[plate]
+size = [0.0928, 0.0928, 0.0032]
+modules_through_thickness = 6
+[material]
+youngs_modulus = 3.35e9
+poisson_ratio = 0.25
+density = 1190
+damage = false
+[solver]
+duration = 0.01
+"""
+
+
+@pytest.fixture
+def minimal(tmp_path: Path) -> Path:
+    path = tmp_path / "minimal.toml"
+    path.write_text(MINIMAL)
+    return path
+
+
+def test_defaults_are_the_method_of_the_paper(minimal: Path) -> None:
+    scene = load_scene(minimal)
+    assert scene.striker is None
+    assert scene.clamp is None
+    assert scene.notch == ()
+    assert scene.plate.surface_weights
+    assert scene.plate.stiffness == "equation-2"
+    assert scene.material.law == "bilinear"
+    assert scene.material.fracture_areas == "derived"
+    assert scene.solver.time_step == "auto"
+    assert scene.solver.damping == 0
+    assert scene.solver.precision == "f64"
+    assert scene.solver.threads is None
+    assert scene.output.history_interval == 1e-5
+    assert scene.output.field_interval == 0.01 / 10
+
+
+def test_whole_numbers_are_numbers(minimal: Path) -> None:
+    density = load_scene(minimal).material.density
+    assert density == 1190
+    assert isinstance(density, float)
+
+
+@pytest.mark.parametrize("config", CONFIGS, ids=lambda path: path.stem)
+def test_shipped_scenes_say_what_they_are_for_and_load(config: Path) -> None:
+    assert config.read_text().startswith("# ")
+    assert load_scene(config).scenario == config.stem.partition("_")[0]
+
+
+def test_the_paper_s_plate() -> None:
+    plate = load_scene(CONFIGS[0].with_name("impact.toml")).plate
+    assert plate.modules == (174, 174, 6)  # the paper's mesh
+    assert plate.spacing == pytest.approx(0.5333e-3, rel=1e-4)  # the paper's L
+
+
+def test_the_measured_strength_is_75_mpa() -> None:
+    material = load_scene(CONFIGS[0].with_name("impact_measured_strength.toml")).material
+    assert material.failure_strain == pytest.approx(75e6 / 3.35e9, rel=1e-15)
+    assert material.limit_strain == material.failure_strain
+
+
+FULL = """
+[material]
+fracture_energy = 1034
+failure_strain = 0.0175
+limit_strain = 0.03
+[striker]
+diameter = 0.0127
+mass = 18.49
+velocity = 1
+position = [1e-3, -2e-3]
+[clamp]
+kind = "bonded"
+inner_diameter = 0.076
+outer_diameter = 0.09
+[output]
+image_times = [1e-3, 0.01]
+[[notch]]
+normal = "y"
+position = 0
+from = [0.01, 0]
+to = [-0.01, 1e-3]
+"""
+
+
+@pytest.fixture
+def full(tmp_path: Path) -> Path:
+    head, solver = MINIMAL.replace("damage = false\n", "").split("[solver]")
+    path = tmp_path / "full.toml"
+    path.write_text(head + FULL.replace("[material]\n", "") + "[solver]" + solver)
+    return path
+
+
+@pytest.mark.parametrize("name", ["full", "minimal", *CONFIGS], ids=str)
+def test_a_written_scene_reads_back_equal(
+    name: str | Path, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    path = name if isinstance(name, Path) else request.getfixturevalue(name)
+    scene = load_scene(path, ["solver.threads=2", "solver.time_step=9e-8"])
+    again = tmp_path / "again.toml"
+    again.write_text(scene_to_toml(scene))
+    assert load_scene(again) == scene
+    assert scene_to_toml(load_scene(again)) == scene_to_toml(scene)
+
+
+def test_a_written_scene_names_resolved_defaults(minimal: Path) -> None:
+    text = scene_to_toml(load_scene(minimal))
+    assert "field_interval = 0.001\n" in text
+    assert "surface_weights = true\n" in text
+    assert "[striker]" not in text
+
+
+def test_notch_axes_and_bounds(full: Path) -> None:
+    (notch,) = load_scene(full).notch
+    assert notch.axes == (1, 0, 2)
+    assert notch.bounds == ((-0.01, 0.01), (0.0, 1e-3))
+
+
+def test_overrides_win_in_order_and_make_tables(minimal: Path) -> None:
+    scene = load_scene(
+        minimal,
+        [
+            "solver.arch=cuda",
+            "solver.arch = 'gpu'",
+            "plate.surface_weights=false",
+            "clamp.kind=free",
+            "output.image_times=[0.001, 2e-3]",
+        ],
+    )
+    assert scene.solver.arch == "gpu"
+    assert not scene.plate.surface_weights
+    assert scene.clamp is not None
+    assert scene.clamp.kind == "free"
+    assert scene.output.image_times == (0.001, 0.002)
+
+
+def test_an_override_of_the_failure_strain_replaces_the_factor() -> None:
+    scene = load_scene(CONFIGS[0].with_name("impact.toml"), ["material.failure_strain=0.017"])
+    assert scene.material.failure_strain == 0.017
+    assert scene.material.failure_factor is None
+
+
+def _plate(**plate: object) -> Scene:
+    return parse_scene(
+        {
+            "scenario": "impact",
+            "plate": {"size": [0.01, 0.01, 0.003], "modules_through_thickness": 3, **plate},
+            "material": {
+                "youngs_modulus": 1e9,
+                "poisson_ratio": 0.25,
+                "density": 1e3,
+                "damage": False,
+            },
+            "solver": {"duration": 1e-3},
+        }
+    )
+
+
+def test_sides_are_rounded_to_whole_modules_within_a_percent() -> None:
+    plate = _plate(size=[0.01005, 0.00995, 0.003]).plate
+    assert plate.modules == (10, 10, 3)
+    assert plate.actual_size == pytest.approx((0.01, 0.01, 0.003), rel=1e-12)
+
+
+def test_a_side_further_off_is_refused_with_the_sizes_that_fit() -> None:
+    with pytest.raises(SceneError, match=r"side y must be .* modules of 0\.001 m: 0\.009 or 0\.01"):
+        _plate(size=[0.01, 0.0095, 0.003])
+
+
+def test_a_side_shorter_than_a_module_is_refused() -> None:
+    with pytest.raises(SceneError, match=r"side x must be .* of 0\.001 m: 0\.001$"):
+        _plate(size=[0.0004, 0.01, 0.003])
+
+
+def test_a_disc_covers_its_circle_only() -> None:
+    plate = _plate(shape="disc", diameter=0.009).plate
+    assert plate.covers(0, 0.0045)
+    assert not plate.covers(0.004, 0.004)
+    assert _plate().plate.covers(0.004, 0.004)
+
+
+def test_fields_are_stored_at_start_intervals_images_and_end(minimal: Path) -> None:
+    times = load_scene(
+        minimal, ["output.field_interval=0.004", "output.image_times=[0.001]"]
+    ).field_times
+    assert times == (0.0, 0.001, 0.004, 0.008, 0.01)
+    assert load_scene(minimal, ["output.field_interval=0"]).field_times == (0.0, 0.01)
+
+
+def test_field_times_do_not_stop_short_of_a_rounded_end(minimal: Path) -> None:
+    times = load_scene(minimal).field_times  # ten intervals of a tenth
+    assert len(times) == 11
+    assert times[-1] == 0.01
+    assert all(math.isclose(b - a, 1e-3) for a, b in itertools.pairwise(times))
+
+
+def test_a_byte_order_mark_and_windows_line_ends_are_read(minimal: Path) -> None:
+    plain = load_scene(minimal)
+    minimal.write_bytes(b"\xef\xbb\xbf" + MINIMAL.replace("\n", "\r\n").encode())
+    assert load_scene(minimal) == plain

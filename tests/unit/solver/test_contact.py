@@ -1,0 +1,300 @@
+from types import SimpleNamespace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from support.blocks import PMMA, SPACING, block_scene, restart
+from support.reference import Body
+
+from taichi_ldem.model import material as mat
+from taichi_ldem.model.lattice import Lattice, prism
+
+if TYPE_CHECKING:
+    from taichi_ldem.solver.simulation import Simulation
+
+STIFFNESS = mat.axial_stiffness(PMMA["youngs_modulus"], PMMA["poisson_ratio"], SPACING)
+MODULE_MASS = PMMA["density"] * SPACING**3
+
+
+# -- a striker on a free plate ---------------------------------------------------------------------
+
+
+class Hit:
+    """A striker that hits a free plate of 29 mg off its centre, watched at every step.
+
+    Attributes (n steps):
+        distance: (n, nodes) of all nodes to the striker's surface at the end of each step, m.
+        impulses: (n, nodes, 3) of the contact, from the nodes' motion and the bars' forces, N s.
+        normals: (n, nodes, 3) of the striker's surface towards the nodes.
+        momentum: (n,) plate and striker along the striker's way, kg m/s.
+        velocity: (n,) of the striker, m/s.
+        errors: (n,) imbalance of the ledger over the initial energy.
+    """
+
+    place, gap, steps = (0.3e-3, -0.2e-3), 1e-6, 300
+
+    def __init__(self, mass: float, speed: float, radius: float, depth: float = 0.0) -> None:
+        from taichi_ldem.solver.simulation import Simulation
+        from taichi_ldem.studies.reuse import start_striker
+
+        self.mass, self.speed, self.radius = mass, speed, radius
+        striker = {
+            "diameter": 2 * radius,
+            "mass": self.mass,
+            "velocity": self.speed,
+            "position": self.place,
+            "gap": self.gap,
+        }
+        self.simulation = s = Simulation(block_scene(8, 8, 3, striker=striker))
+        self.body = body = Body(s.dynamics.lattice.mask, SPACING)
+        if depth:
+            start_striker(s, self.gap + depth)
+        masses = MODULE_MASS * body.mass_shares[:, None]
+        rows = []
+        moved = np.zeros((len(body.places), 3))
+        velocity = np.zeros_like(moved)
+        for _ in range(self.steps):
+            sample = s.sample_step()
+            free = velocity + s.time_step * body.forces(moved, STIFFNESS) / masses
+            velocity = s.dynamics.get_velocity()[body.index]
+            moved = s.displacement()[body.index]
+            travelled, _, speed = s.striker.motion()
+            away = self._from_axis(body.positions + moved, travelled)
+            length = np.linalg.norm(away, axis=1)
+            rows.append(
+                (
+                    length - radius,
+                    masses * (velocity - free),
+                    away / length[:, None],
+                    self.mass * speed - (masses * velocity).sum(axis=0)[2],
+                    speed,
+                    sample.energy_error,
+                    sample.ledger.contact,
+                )
+            )
+        columns = [np.array(column) for column in zip(*rows, strict=True)]
+        self.distance, self.impulses, self.normals, self.momentum = columns[:4]
+        self.velocity, self.errors, self.lost = columns[4:]
+
+    def _from_axis(self, place: np.ndarray, travelled: float) -> np.ndarray:
+        """Hemisphere under a shaft: vectors from the nearest point of the shaft's axis."""
+        height = 3 * SPACING + self.gap + self.radius - travelled
+        away = place - np.array([*self.place, height])
+        away[:, 2] = np.minimum(away[:, 2], 0.0)
+        return away
+
+
+LIGHT = (1e-6, 20.0, 3e-3)
+HEAVY = (200e-6, 40.0, 20e-3)
+
+
+@pytest.fixture(scope="module", params=[LIGHT, HEAVY], ids=["1 mg", "200 mg"])
+def hit(taichi: None, request: pytest.FixtureRequest) -> Hit:
+    return Hit(*request.param)
+
+
+def test_the_striker_is_slowed_or_thrown_back(hit: Hit) -> None:
+    assert hit.velocity[0] == pytest.approx(hit.speed, rel=1e-3)
+    assert np.abs(hit.velocity).max() <= hit.speed
+    assert np.diff(hit.velocity).max() <= 1e-9 * hit.speed  # nothing pulls at it
+    touching = np.linalg.norm(hit.impulses, axis=2) > 1e-9 * hit.mass * hit.speed
+    if hit.mass == LIGHT[0]:
+        assert -0.9 * hit.speed < hit.velocity[-1] < -0.1 * hit.speed
+        assert not touching[-20:].any()
+        assert hit.distance[-1].min() > 0.1 * SPACING
+    else:
+        assert 0 < hit.velocity[-1] < 0.99 * hit.speed
+
+
+def test_momentum_passes_from_the_striker_to_the_plate(hit: Hit) -> None:
+    np.testing.assert_allclose(hit.momentum, hit.mass * hit.speed, rtol=1e-12)
+
+
+def test_no_node_is_inside_the_striker(hit: Hit) -> None:
+    assert hit.distance.min() > -1e-9 * SPACING
+
+
+def test_the_striker_pushes_along_its_normal_and_only_on_what_it_touches(hit: Hit) -> None:
+    size = np.linalg.norm(hit.impulses, axis=2)
+    touched = size > 1e-9 * hit.mass * hit.speed
+    assert np.count_nonzero(touched.any(axis=0)) >= (3 if hit.mass == LIGHT[0] else 20)
+    assert np.abs(hit.distance[touched]).max() < 1e-6 * SPACING
+    along = (hit.impulses * hit.normals).sum(axis=2)
+    assert (along[touched] > 0).all()
+    across = np.linalg.norm(hit.impulses - along[..., None] * hit.normals, axis=2)
+    assert (across[touched] < 1e-4 * size[touched]).all()
+
+
+def test_the_energy_of_the_hit_is_accounted_for(hit: Hit) -> None:
+    assert hit.errors.max() < 5e-4
+    assert 0 < hit.lost[-1] < 0.5 * hit.mass * hit.speed**2
+
+
+def test_a_node_that_is_inside_gets_nothing_but_what_stops_it_there(taichi: None) -> None:
+    depth = 0.4 * SPACING  # put back on the surface in a step, it would get 2 km/s
+    hit = Hit(*LIGHT, depth)
+    energy = 0.5 * hit.mass * hit.speed**2
+    assert -depth < hit.distance[0].min() < -0.8 * depth
+    assert hit.distance.min() == pytest.approx(hit.distance[0].min(), rel=1e-6)
+    assert np.abs(hit.velocity).max() <= hit.speed * (1 + 1e-12)
+    assert hit.lost.min() > 0
+    assert hit.lost.max() < energy
+    assert hit.errors.max() < 5e-4
+    np.testing.assert_allclose(hit.momentum, hit.mass * hit.speed, rtol=1e-12)
+
+
+# -- a striker that comes to rest on a plate between rings -----------------------------------------
+
+WEIGHT = {"mass": 3e-6, "gravity": 4e5}  # 1.2 N
+
+
+@pytest.fixture(scope="module")
+def pressed(taichi: None) -> "Simulation":
+    """A damped plate between rings, under the weight of a striker, at rest after 0.5 ms."""
+    from taichi_ldem.solver.simulation import Simulation
+
+    scene = block_scene(
+        16,
+        16,
+        3,
+        striker={"diameter": 2e-3, "velocity": 0.0} | WEIGHT,
+        clamp={"kind": "rings", "inner_diameter": 5.2e-3, "outer_diameter": 7.6e-3},
+        solver={"damping": 1e5},
+    )
+    return Simulation(scene)
+
+
+def test_rings_carry_the_weight_in_equilibrium(pressed: "Simulation") -> None:
+    weight = WEIGHT["mass"] * WEIGHT["gravity"]
+    errors = [pressed.sample_step().energy_error]
+    for _ in range(30):
+        pressed.advance(149)
+        sample = pressed.sample_step()
+        errors.append(sample.energy_error)
+    assert sample.striker_force == pytest.approx(weight, rel=1e-6)
+    assert sample.ring_force == pytest.approx(weight, rel=1e-6)
+    assert max(errors) < 1e-5  # with damping and contact both at work
+
+
+def test_a_pressed_node_does_not_slip_and_a_lifted_one_is_free(pressed: "Simulation") -> None:
+    before = pressed.displacement()
+    pressed.advance(50)
+    after = pressed.displacement()
+    position = pressed.dynamics.lattice.positions()
+    radius = np.hypot(position[..., 0], position[..., 1])
+    under = pressed.dynamics.lattice.exists() & (radius > 2.7e-3) & (radius < 3.7e-3)
+    height = position[..., 2] + after[..., 2]
+    low = under & (position[..., 2] < 1e-9)
+    high = under & (position[..., 2] > 3 * SPACING - 1e-9)
+    for face, gap in ((low, height), (high, 3 * SPACING - height)):
+        held = face & (np.abs(gap) < 1e-15)
+        lifted = face & (gap > 1e-12)
+        assert gap[face].min() > -1e-15
+        np.testing.assert_array_equal(after[held], before[held])
+        assert held.any()
+        assert lifted.any()
+
+
+def test_impulses_of_contact_and_damping_change_the_momentum(pressed: "Simulation") -> None:
+    """Along z, step by step, while the plate still moves; damping acts on the mean velocity."""
+    from taichi_ldem.solver.contact import IMPULSE
+
+    s = restart(pressed)
+    body = Body(s.dynamics.lattice.mask, SPACING)
+    mass = MODULE_MASS * body.mass_shares
+
+    def state() -> tuple[np.ndarray, float]:
+        given = sum(float(b.collected()[IMPULSE]) for b in s.bodies)
+        return mass * s.dynamics.get_velocity()[body.index][:, 2], given
+
+    s.advance(200)
+    before, given = state()
+    for _ in range(20):
+        s.advance(1)
+        after, total = state()
+        damped = -s.damping * s.time_step * 0.5 * (before + after).sum()
+        impulse = total - given
+        assert abs(impulse) > 0
+        change = (after - before).sum()
+        assert change == pytest.approx(impulse + damped, abs=1e-11 * np.abs(after).sum())
+        before, given = after, total
+
+
+def test_several_steps_a_launch_are_the_same_steps(taichi: None) -> None:
+    """As a GPU takes them: whole passes, four steps a kernel, over a new listing of nodes."""
+    from taichi_ldem.solver.simulation import STEPS_A_LAUNCH, STEPS_BETWEEN_LISTS, Simulation
+
+    scene = block_scene(
+        10,
+        10,
+        2,
+        striker={"diameter": 2e-3, "mass": 1e-4, "velocity": 5.0},
+        clamp={"kind": "rings", "inner_diameter": 3.2e-3, "outer_diameter": 4.8e-3},
+    )
+    ends = []
+    for in_strips in (True, False):
+        simulation = Simulation(scene, in_strips)
+        simulation.advance(STEPS_BETWEEN_LISTS + STEPS_A_LAUNCH + 1)
+        sample = simulation.sample_step()
+        ends.append((simulation.displacement(), simulation.striker.motion(), sample))
+    np.testing.assert_array_equal(ends[0][0], ends[1][0])
+    assert ends[0][1] == ends[1][1]
+    assert ends[0][2].striker_force == ends[1][2].striker_force > 1
+    assert ends[0][2].ring_force == ends[1][2].ring_force
+    for one, two in zip(*(vars(end[2].ledger).values() for end in ends), strict=True):
+        assert one == pytest.approx(two, rel=1e-13)  # summed in another order
+
+
+# -- bonded faces ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("modules", [3, 4, 6])
+def test_bonded_rings_hold_both_faces_in_either_precision(modules: int) -> None:
+    from taichi_ldem.solver.contact import Rings
+
+    lattice = Lattice(prism(10, 10, modules), 3.2e-3 / modules)
+    rounded = float(np.float32(lattice.spacing))  # what f32 computes with
+    numbers = (2 * lattice.spacing, 4 * lattice.spacing, modules * rounded)
+    dynamics = SimpleNamespace(lattice=lattice, spacing=rounded)
+    fixed = Rings._fixed(dynamics, numbers, through=False)  # type: ignore[arg-type]
+    z = lattice.positions()[..., 2].ravel()[fixed]
+    below, above = np.count_nonzero(z == 0.0), np.count_nonzero(z > 3.1e-3)
+    # corners with 4 <= i^2 + j^2 <= 16: 49 - 9 points of the plane's integers within 4, 1 of 2
+    assert below == above == 40
+    assert below + above == len(fixed)
+
+
+def test_bonded_nodes_stay_and_take_what_the_striker_gives(taichi: None) -> None:
+    from taichi_ldem.solver.simulation import Simulation
+
+    mass, speed, gravity = 20e-6, 5.0, 1e5
+    scene = block_scene(
+        12,
+        12,
+        2,
+        striker={"diameter": 2e-3, "mass": mass, "velocity": speed, "gravity": gravity},
+        clamp={"kind": "bonded", "inner_diameter": 4e-3, "outer_diameter": 5.6e-3},
+    )
+    simulation = Simulation(scene)
+    body = Body(simulation.dynamics.lattice.mask, SPACING)
+    radius = np.hypot(*body.positions[:, :2].T)
+    face = np.isin(body.places[:, 2], (0, 4))
+    held = face & (radius >= 2e-3) & (radius <= 2.8e-3)
+    samples = [simulation.sample_step()]
+    for _ in range(20):
+        simulation.advance(19)
+        samples.append(simulation.sample_step())
+    moved = simulation.displacement()[body.index]
+    assert not moved[held].any()
+    assert (np.abs(moved[~held]).max(axis=1) > 0).all()
+    # momentum towards the plate: what striker and gravity brought, less what the bond took; a
+    # sample's force is the impulse since the last one, up to half a step after its time
+    end = samples[-1].time + 0.5 * simulation.time_step
+    spans = np.diff([s.time for s in samples], prepend=-simulation.time_step)
+    taken = sum(s.ring_force * span for s, span in zip(samples, spans, strict=True))
+    velocity = simulation.dynamics.get_velocity()[body.index]
+    plate = -(MODULE_MASS * body.mass_shares * velocity[:, 2]).sum()
+    striker = mass * simulation.striker.motion()[2]
+    assert plate + striker == pytest.approx(mass * (speed + gravity * end) - taken, rel=1e-10)
+    assert taken > 0.1 * mass * speed
+    assert max(s.energy_error for s in samples) < 1e-4

@@ -1,0 +1,110 @@
+"""What a scene is said to need, against the fields that are built and what a process takes."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from support.blocks import DAMAGE, block_scene
+
+from taichi_ldem.scene import DISORDERED, SceneError
+from taichi_ldem.solver import memory
+
+NOTCH = [{"normal": "x", "position": 2.5e-4, "from": [-1, -1], "to": [1, 1]}]
+
+
+@pytest.mark.parametrize(
+    "tables",
+    [
+        {},
+        {"material": DAMAGE},
+        {"solver": {"damping": 10.0}},
+        {"notch": NOTCH},
+        {
+            "material": DAMAGE,
+            "disorder": {f"{n}_cv": 0.1 for n in DISORDERED},
+            "plate": {"perturbation": 0.1},
+        },
+    ],
+    ids=["elastic", "damage", "damping", "notch", "disorder"],
+)
+def test_the_bytes_are_those_of_the_fields(taichi: None, tables: dict) -> None:
+    from taichi_ldem.solver.dynamics import field_bytes
+    from taichi_ldem.solver.simulation import Simulation
+
+    scene = block_scene(4, 3, 2, **tables)
+    dynamics = Simulation(scene).dynamics
+    fields = [f for each in dynamics.fields().values() for f in each]
+    whole = sum(field_bytes(f) for f in fields if f.shape[-3:] == dynamics.shape)
+    assert memory.field_bytes(scene) == whole
+
+
+PEAK = """
+import resource, sys
+sys.path.insert(0, "tests")
+from support.blocks import DAMAGE, block_scene
+from taichi_ldem.solver import backend
+from taichi_ldem.solver import memory
+scene = block_scene(200, 200, 6, material=DAMAGE, solver={"duration": 1e-3})
+backend.start(scene.solver)
+from taichi_ldem.solver.simulation import Simulation
+simulation = Simulation(scene)
+simulation.sample_step()
+simulation.saved_state()
+print(memory.needed_bytes(scene), 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="ru_maxrss has other units elsewhere")
+def test_what_is_said_to_be_needed_is_taken() -> None:
+    root = Path(__file__).parents[3]
+    command = [sys.executable, "-c", PEAK]
+    done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=True)
+    needed, taken = map(int, done.stdout.split())
+    assert taken < needed < 1.3 * taken
+
+
+def test_too_large_a_lattice_is_named_with_the_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = block_scene(100, 100, 10)
+    needed = memory.needed_bytes(scene)
+    monkeypatch.setattr(memory, "available_bytes", lambda: needed)
+    memory.refuse_too_large(scene)
+    monkeypatch.setattr(memory, "available_bytes", lambda: needed - 1)
+    with pytest.raises(SceneError, match=rf"need about {needed:,} bytes of memory"):
+        memory.refuse_too_large(scene)
+    monkeypatch.setattr(memory, "available_bytes", lambda: None)
+    memory.refuse_too_large(scene)
+
+
+def test_vulkan_reaches_four_gib(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Taichi's offsets into its fields have 32 bits there, and wrap around in silence."""
+    monkeypatch.setattr(memory, "available_bytes", lambda: None)
+    for arch in ("vulkan", "cuda"):
+        scene = block_scene(1000, 1000, 30, solver={"arch": arch})
+        assert memory.field_bytes(scene) > 2**32
+        if arch == "vulkan":
+            with pytest.raises(SceneError, match=r"Taichi reaches 4 GiB"):
+                memory.refuse_too_large(scene)
+        else:
+            memory.refuse_too_large(scene)
+
+
+def test_a_container_s_limit_counts(tmp_path: Path) -> None:
+    assert memory._free_of_group(tmp_path) is None
+    for name, text in (
+        ("memory.max", "1000000\n"),
+        ("memory.current", "900000\n"),
+        ("memory.stat", "anon 1\ninactive_file 50000\n"),
+    ):
+        (tmp_path / name).write_text(text)
+    assert memory._free_of_group(tmp_path) == 150_000
+    (tmp_path / "memory.max").write_text("max\n")
+    assert memory._free_of_group(tmp_path) is None
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="/proc")
+def test_this_machine_tells_its_memory() -> None:
+    available = memory.available_bytes()
+    assert available is not None
+    assert 1 << 20 < available < 1 << 50
