@@ -18,7 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
-from taichi_ldem.scene import Scene, SceneError, load_scene
+from taichi_ldem.errors import SceneError
+from taichi_ldem.scene import Scene, load_scene
 
 
 def key(modules: int) -> str:

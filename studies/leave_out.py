@@ -8,8 +8,9 @@ from argparse import ArgumentParser
 from collections.abc import Sequence
 from pathlib import Path
 
+from taichi_ldem.errors import SceneError
 from taichi_ldem.scenarios.leave_out import Cost, compare, everything
-from taichi_ldem.scene import SceneError, load_scene
+from taichi_ldem.scene import load_scene
 
 
 def table(costs: dict[str, tuple[Cost, Cost]]) -> str:

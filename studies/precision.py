@@ -15,7 +15,7 @@ from argparse import ArgumentParser
 from collections.abc import Sequence
 from pathlib import Path
 
-from taichi_ldem.scene import SceneError
+from taichi_ldem.errors import SceneError
 
 QUANTITIES = (
     ("first peak time t1 [ms]", "first_peak_time_s", 1e3),

@@ -24,7 +24,7 @@ import numpy as np
 from taichi_ldem.ensemble.plan import read_plan
 from taichi_ldem.ensemble.results import Row, groups, numbers_of, read_rows, statistics
 from taichi_ldem.ensemble.table3 import label
-from taichi_ldem.scene import SceneError
+from taichi_ldem.errors import SceneError
 
 MODULES = "plate.modules_through_thickness"
 

@@ -21,7 +21,7 @@ from studies.bias import label
 from taichi_ldem.ensemble.attempt import FINISHED
 from taichi_ldem.ensemble.plan import MEMBERS, read_plan
 from taichi_ldem.ensemble.results import read_rows
-from taichi_ldem.scene import SceneError
+from taichi_ldem.errors import SceneError
 from taichi_ldem.studies.convergence_cracking import mean_of, read
 
 Array = npt.NDArray[np.float64]

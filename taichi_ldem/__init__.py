@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from taichi_ldem.api import Simulation, open_run, run
-    from taichi_ldem.scene import Scene, SceneError
+    from taichi_ldem.errors import SceneError
+    from taichi_ldem.scene import Scene
 
 __version__ = "0.1.0"
 
@@ -16,7 +17,7 @@ __all__ = ["Scene", "SceneError", "Simulation", "__version__", "open_run", "run"
 
 _HOME = {
     "Scene": "taichi_ldem.scene",
-    "SceneError": "taichi_ldem.scene",
+    "SceneError": "taichi_ldem.errors",
     "Simulation": "taichi_ldem.api",
     "open_run": "taichi_ldem.api",
     "run": "taichi_ldem.api",

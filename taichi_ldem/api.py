@@ -24,7 +24,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_ldem.scene import Scene, SceneError, load_scene, parse_scene
+from taichi_ldem.errors import SceneError
+from taichi_ldem.scene import Scene, load_scene, parse_scene
 from taichi_ldem.solver import backend
 from taichi_ldem.storage.store import RunFolder
 

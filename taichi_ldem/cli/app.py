@@ -217,8 +217,8 @@ def ensemble(
 ) -> None:
     """Run a scene many times: seeds, variabilities and any keys, one process a run."""
     from taichi_ldem.ensemble import plan, run
+    from taichi_ldem.errors import SceneError
     from taichi_ldem.model.material import check
-    from taichi_ldem.scene import SceneError
 
     if local is not None and scheduler is not None:
         raise SceneError("--local and --scheduler exclude each other")
@@ -381,7 +381,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         return _complain(str(error), 1)
     except ValueError as error:
-        from taichi_ldem.scene import SceneError
+        from taichi_ldem.errors import SceneError
 
         if not isinstance(error, SceneError):
             raise
@@ -415,7 +415,7 @@ def _scene(
     given = [f"solver.{key}={value}" for key, value in options.items() if value is not None]
     scene = _load(scene_file, [*(settings or ()), *given])
     if scene.scenario != command:
-        from taichi_ldem.scene import SceneError
+        from taichi_ldem.errors import SceneError
 
         name = scene.scenario
         raise SceneError(f'{scene_file.name}: scenario = "{name}": run it with `ldem {name}`')

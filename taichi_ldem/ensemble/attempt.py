@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from taichi_ldem.ensemble.plan import ATTEMPTS, MEMBERS, SCENES
-from taichi_ldem.scene import SceneError
+from taichi_ldem.errors import SceneError
 from taichi_ldem.storage.checkpoint import LATEST, PREVIOUS
 from taichi_ldem.storage.durable import refuse_locked, write_whole
 from taichi_ldem.storage.store import RunFolder

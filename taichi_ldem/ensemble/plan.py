@@ -24,9 +24,9 @@ else:
     import tomli as tomllib
 
 from taichi_ldem import __version__
+from taichi_ldem.errors import SceneError
 from taichi_ldem.scene import (
     Scene,
-    SceneError,
     load_scene,
     load_tables,
     override_value,

@@ -21,7 +21,8 @@ from taichi_ldem.ensemble.attempt import (
     attempt,
     stop_file,
 )
-from taichi_ldem.scene import Scene, SceneError
+from taichi_ldem.errors import SceneError
+from taichi_ldem.scene import Scene
 from taichi_ldem.solver.memory import available_bytes, needed_bytes
 from taichi_ldem.storage.durable import write_whole
 

@@ -13,7 +13,7 @@ from taichi_ldem.ensemble.conduct import Conductor
 from taichi_ldem.ensemble.plan import Plan
 from taichi_ldem.ensemble.pools import DaskPool, LocalPool, Pool, local_workers
 from taichi_ldem.ensemble.results import read_rows, write_statistics, write_table
-from taichi_ldem.scene import SceneError
+from taichi_ldem.errors import SceneError
 from taichi_ldem.storage.durable import LOCK
 from taichi_ldem.storage.store import RunFolder
 

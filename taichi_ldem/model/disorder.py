@@ -24,8 +24,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from taichi_ldem.errors import SceneError
 from taichi_ldem.model.lattice import BAR_VECTORS, BARS_PER_SITE, Lattice, bar_weights
-from taichi_ldem.scene import DISORDERED, LARGEST_CV, Disorder, Scene, SceneError
+from taichi_ldem.scene import DISORDERED, LARGEST_CV, Disorder, Scene
 
 Array = npt.NDArray[np.float64]
 

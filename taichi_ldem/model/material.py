@@ -7,7 +7,8 @@ derived and the printed variant stays selectable by name (docs/theory.md tells t
 import math
 from dataclasses import dataclass
 
-from taichi_ldem.scene import Material, Scene, SceneError
+from taichi_ldem.errors import SceneError
+from taichi_ldem.scene import Material, Scene
 
 DIAGONAL_LENGTH = math.sqrt(3) / 2
 """Length of a diagonal bar over that of a longitudinal one."""

@@ -23,8 +23,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_ldem.analysis import paper
+from taichi_ldem.errors import SceneError
 from taichi_ldem.model.material import bar_families, failure_strain
-from taichi_ldem.scene import Scene, SceneError, load_scene
+from taichi_ldem.scene import Scene, load_scene
 from taichi_ldem.storage.durable import write_whole
 from taichi_ldem.storage.store import RunFolder
 

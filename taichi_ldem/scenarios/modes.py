@@ -14,8 +14,9 @@ from rich.console import Console
 
 from taichi_ldem.analysis import modeshapes
 from taichi_ldem.analysis.modeshapes import Name
+from taichi_ldem.errors import SceneError
 from taichi_ldem.scenarios.describe import warnings
-from taichi_ldem.scene import Clamp, Modes, Scene, SceneError, scene_to_toml
+from taichi_ldem.scene import Clamp, Modes, Scene, scene_to_toml
 from taichi_ldem.solver import backend
 from taichi_ldem.storage.store import RunFolder, hexahedral_mesh, write_vectors
 

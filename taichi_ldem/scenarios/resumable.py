@@ -3,9 +3,10 @@
 from functools import partial
 from pathlib import Path
 
+from taichi_ldem.errors import SceneError
 from taichi_ldem.scenarios import bend, impact, runner, tension
 from taichi_ldem.scenarios.runner import Summary
-from taichi_ldem.scene import SceneError, load_scene
+from taichi_ldem.scene import load_scene
 from taichi_ldem.storage.store import RunFolder
 
 

@@ -22,8 +22,9 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from taichi_ldem.errors import SceneError
 from taichi_ldem.scenarios.describe import implied, warnings
-from taichi_ldem.scene import Scene, SceneError, load_scene, parse_scene, scene_to_toml
+from taichi_ldem.scene import Scene, load_scene, parse_scene, scene_to_toml
 from taichi_ldem.solver import backend
 from taichi_ldem.solver.memory import peak_bytes, refuse_too_large
 from taichi_ldem.storage.provenance import changed_machine, provenance
@@ -432,8 +433,7 @@ def _work_off(console: Console, work: _Work, summary: Summary, compiled: float) 
 
 
 def _step_or_stop(console: Console, work: _Work) -> int:
-    from taichi_ldem.solver.contact import TooManyNodes
-    from taichi_ldem.solver.simulation import SimulationStopped
+    from taichi_ldem.errors import SimulationStopped, TooManyNodes
 
     try:
         with work.listening():

@@ -18,11 +18,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from taichi_ldem.errors import SceneError
 from taichi_ldem.model import waves
 from taichi_ldem.model.lattice import Lattice, prism
 from taichi_ldem.model.material import elastic_constants
 from taichi_ldem.scenarios import runner
-from taichi_ldem.scene import Pulse, Scene, SceneError
+from taichi_ldem.scene import Pulse, Scene
 from taichi_ldem.storage.store import HistoryWriter
 
 if TYPE_CHECKING:

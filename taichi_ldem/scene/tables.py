@@ -25,6 +25,8 @@ from pydantic import (
 )
 from pydantic_core import ErrorDetails, PydanticCustomError, PydanticKnownError
 
+from taichi_ldem.errors import SceneError
+
 if sys.version_info >= (3, 11):
     import tomllib
 else:
@@ -44,16 +46,6 @@ LARGEST_SIDE = 10.0  # m; more is taken for millimetres
 DISORDERED = ("fracture_energy", "youngs_modulus", "density")
 """Properties that may vary, in the order of their random streams: never reorder."""
 ROUNDING = 0.01  # largest relative change of a side that is rounded to whole modules
-
-
-class SceneError(ValueError):
-    """A scene that cannot be run; `str(error)` is the one line that the user reads."""
-
-    def __init__(self, message: str) -> None:
-        # names of keys, files and tables are the user's: they may hold line breaks, or megabytes
-        printable = "".join(c if c.isprintable() else " " for c in message[:2000])
-        line = " ".join(printable.split())
-        super().__init__(line if len(line) <= 1000 else f"{line[:996]} ...")
 
 
 # --- the tables -----------------------------------------------------------------------------------

@@ -10,7 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from taichi_ldem.scene import SceneError, Solver
+from taichi_ldem.errors import SceneError
+from taichi_ldem.scene import Solver
 
 
 @contextlib.contextmanager

@@ -26,8 +26,9 @@ import numpy as np
 import numpy.typing as npt
 import taichi as ti
 
+from taichi_ldem.errors import SceneError, TooManyNodes
 from taichi_ldem.model.lattice import Lattice
-from taichi_ldem.scene import Clamp, Plate, SceneError
+from taichi_ldem.scene import Clamp, Plate
 from taichi_ldem.scene import Grips as GripsScene
 from taichi_ldem.scene import Striker as StrikerScene
 from taichi_ldem.scene import Supports as SupportsScene
@@ -57,10 +58,6 @@ SPEED, RAMP, COSINE, SINE = range(4)
 DISPLACEMENT, VELOCITY, VELOCITY_BEFORE, TRIAL = range(4)
 
 vec3d = ti.types.vector(3, ti.f64)
-
-
-class TooManyNodes(RuntimeError):
-    """More nodes near a rigid body than its list holds."""
 
 
 @ti.data_oriented

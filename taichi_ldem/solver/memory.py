@@ -8,8 +8,9 @@ import os
 import sys
 from pathlib import Path
 
+from taichi_ldem.errors import SceneError
 from taichi_ldem.model.disorder import varies
-from taichi_ldem.scene import DISORDERED, Scene, SceneError
+from taichi_ldem.scene import DISORDERED, Scene
 from taichi_ldem.solver.lanes import Lanes
 
 BASE = 250e6

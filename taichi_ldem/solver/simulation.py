@@ -10,10 +10,11 @@ import numpy as np
 import numpy.typing as npt
 import taichi as ti
 
+from taichi_ldem.errors import SceneError, SimulationStopped, TooManyNodes
 from taichi_ldem.model import disorder
 from taichi_ldem.model.lattice import Lattice, cut_out, disc, dumbbell_half_width, prism
 from taichi_ldem.model.material import check
-from taichi_ldem.scene import Plate, Scene, SceneError
+from taichi_ldem.scene import Plate, Scene
 from taichi_ldem.solver import stability
 from taichi_ldem.solver.contact import (
     DISPLACEMENT,
@@ -28,7 +29,6 @@ from taichi_ldem.solver.contact import (
     Rings,
     Striker,
     Supports,
-    TooManyNodes,
 )
 from taichi_ldem.solver.dynamics import Dynamics, Features, field_apart, field_bytes
 from taichi_ldem.solver.energy import BROKEN, DAMPED, FRACTURE, KINETIC, STRAIN, EnergySums, Ledger
@@ -63,10 +63,6 @@ may fail (``Value does not yet exist``)."""
 SUMS, GIVEN, NEAR = slice(0, 4), 4, 5
 """What a sample reads of a rigid body: its sums, its losses after the last sample time before this
 step, and the most nodes that were ever near."""
-
-
-class SimulationStopped(RuntimeError):
-    """The guard stopped the run; ``str(error)`` names time, step, place and likely cause."""
 
 
 @dataclass(frozen=True)

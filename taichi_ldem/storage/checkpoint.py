@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_ldem import __version__
-from taichi_ldem.scene import Scene, SceneError, parse_scene_text, scene_to_toml
+from taichi_ldem.errors import SceneError
+from taichi_ldem.scene import Scene, parse_scene_text, scene_to_toml
 from taichi_ldem.solver.memory import available_bytes
 from taichi_ldem.storage.durable import MemoryFile, sync_folder, write_whole
 from taichi_ldem.storage.provenance import canonical, provenance

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import h5py
 
-from taichi_ldem.scene import SceneError
+from taichi_ldem.errors import SceneError
 
 # not on Windows, where runs are not locked
 fcntl: Any = importlib.import_module("fcntl") if os.name == "posix" else None

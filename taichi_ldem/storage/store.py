@@ -23,7 +23,7 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from taichi_ldem.scene import SceneError
+from taichi_ldem.errors import SceneError
 from taichi_ldem.storage.durable import (
     LOCK,
     Appending,

@@ -24,8 +24,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from taichi_ldem.errors import SceneError
 from taichi_ldem.scenarios.wave import delay
-from taichi_ldem.scene import Scene, SceneError, load_scene
+from taichi_ldem.scene import Scene, load_scene
 from taichi_ldem.storage.provenance import scene_hash
 from taichi_ldem.studies.convergence_runs import CRACKING, IMPACT, VIBRATION, WAVE, kind
 

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from taichi_ldem.scene import Scene, SceneError, load_scene
+from taichi_ldem.errors import SceneError
+from taichi_ldem.scene import Scene, load_scene
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Sample, Simulation

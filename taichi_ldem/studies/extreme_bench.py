@@ -19,8 +19,9 @@ import numpy as np
 import numpy.typing as npt
 import tomli_w
 
+from taichi_ldem.errors import SceneError
 from taichi_ldem.model.lattice import Lattice
-from taichi_ldem.scene import SceneError, parse_scene
+from taichi_ldem.scene import parse_scene
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Sample
@@ -129,8 +130,7 @@ class Bench:
 
     def run(self, case: Case) -> Seen:
         """Renew the simulation for a case and follow it."""
-        from taichi_ldem.solver.contact import TooManyNodes
-        from taichi_ldem.solver.simulation import SimulationStopped
+        from taichi_ldem.errors import SimulationStopped, TooManyNodes
         from taichi_ldem.studies.reuse import renew, start_striker
 
         self.seen, self.kept, s = Seen(), {}, self.simulation

@@ -17,7 +17,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 
-from taichi_ldem.scene import SceneError
+from taichi_ldem.errors import SceneError
 from taichi_ldem.studies.extreme_bench import REFUSED, STABLE, STOPPED, Case, Seen
 from taichi_ldem.studies.extreme_cases import CASES
 

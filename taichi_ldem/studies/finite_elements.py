@@ -20,8 +20,9 @@ import numpy.typing as npt
 
 from taichi_ldem.analysis import modeshapes
 from taichi_ldem.analysis.modeshapes import Name
+from taichi_ldem.errors import SceneError
 from taichi_ldem.model import material
-from taichi_ldem.scene import Scene, SceneError, load_scene
+from taichi_ldem.scene import Scene, load_scene
 
 Array = npt.NDArray[np.float64]
 

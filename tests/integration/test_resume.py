@@ -16,8 +16,9 @@ import pytest
 from support.command import COMMAND, SCENE, WITHOUT_VULKAN, ldem
 
 from studies.kills import differences
+from taichi_ldem.errors import SceneError
 from taichi_ldem.scenarios.resumable import summary_of
-from taichi_ldem.scene import Scene, SceneError, parse_scene_text
+from taichi_ldem.scene import Scene, parse_scene_text
 from taichi_ldem.storage import checkpoint as cp
 from taichi_ldem.storage.durable import MemoryFile
 from taichi_ldem.storage.provenance import scene_hash

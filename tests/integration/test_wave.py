@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from taichi_ldem.cli import main
+from taichi_ldem.errors import SceneError
 from taichi_ldem.scenarios.wave import delay, phase_difference
-from taichi_ldem.scene import SceneError, load_scene
+from taichi_ldem.scene import load_scene
 from taichi_ldem.storage.store import RunFolder
 
 CONFIGS = Path(__file__).parents[2] / "configs"

@@ -18,8 +18,9 @@ from hypothesis import strategies as st
 from support.blocks import DAMAGE, block_scene
 from support.scenes import GOOD
 
+from taichi_ldem.errors import SceneError
 from taichi_ldem.model.material import check
-from taichi_ldem.scene import SceneError, parse_scene_text, scene_to_toml
+from taichi_ldem.scene import parse_scene_text, scene_to_toml
 from taichi_ldem.solver import memory
 from taichi_ldem.storage import checkpoint as cp
 from taichi_ldem.storage.durable import MemoryFile
@@ -183,8 +184,7 @@ def plate(taichi: None) -> "tuple[Simulation, bytes]":
 
 def _resume(simulation: "Simulation", content: bytes) -> bool:
     """Whether a checkpoint is taken; what is taken must run on or be stopped by the guard."""
-    from taichi_ldem.solver.contact import TooManyNodes
-    from taichi_ldem.solver.simulation import SimulationStopped
+    from taichi_ldem.errors import SimulationStopped, TooManyNodes
 
     started = time.monotonic()
     try:

@@ -12,7 +12,8 @@ from taichi_ldem.analysis.cracks import RadialCrack
 from taichi_ldem.ensemble.attempt import FINISHED
 from taichi_ldem.ensemble.plan import CV, SEED
 from taichi_ldem.ensemble.results import Row
-from taichi_ldem.scene import SceneError, load_scene
+from taichi_ldem.errors import SceneError
+from taichi_ldem.scene import load_scene
 
 SCENE = Path(__file__).parents[1] / "scenes/cracking.toml"
 

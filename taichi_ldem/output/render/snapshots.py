@@ -24,8 +24,9 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_ldem.errors import SceneError
 from taichi_ldem.output.render.bodies import Bodies, bodies_at
-from taichi_ldem.scene import Notch, Scene, SceneError, load_scene
+from taichi_ldem.scene import Notch, Scene, load_scene
 from taichi_ldem.solver.backend import vulkan_device
 from taichi_ldem.storage.store import Fields, RunFolder, read_fields, read_times
 

@@ -32,10 +32,11 @@ from taichi_ldem.ensemble.plan import MEMBERS
 from taichi_ldem.ensemble.results import FEWEST
 from taichi_ldem.ensemble.table3 import AT_T2
 from taichi_ldem.ensemble.table3 import label as group_label
+from taichi_ldem.errors import SceneError
 from taichi_ldem.output.figures.run import RING_SIGN
 from taichi_ldem.output.render.snapshots import GONE
 from taichi_ldem.scenarios.describe import implied, left_out, warnings
-from taichi_ldem.scene import DISORDERED, Scene, SceneError, load_scene
+from taichi_ldem.scene import DISORDERED, Scene, load_scene
 from taichi_ldem.storage.durable import write_whole
 from taichi_ldem.storage.store import RunFolder, read_fields, read_times
 

@@ -41,7 +41,7 @@ from taichi_ldem.ensemble.report import report
 from taichi_ldem.ensemble.results import Row, read_rows, statistics, write_statistics, write_table
 from taichi_ldem.ensemble.run import check, run
 from taichi_ldem.ensemble.table3 import markdown
-from taichi_ldem.scene import SceneError
+from taichi_ldem.errors import SceneError
 from taichi_ldem.storage.durable import locked
 
 SCENE = Path(__file__).parents[2] / "scenes" / "cracking.toml"

@@ -12,10 +12,11 @@ from scipy.stats import kstest, weibull_min
 from support.blocks import DAMAGE, PMMA, SPACING, block_scene
 from support.reference import Body
 
+from taichi_ldem.errors import SceneError
 from taichi_ldem.model import disorder as dis
 from taichi_ldem.model import material as mat
 from taichi_ldem.model.lattice import Lattice, bar_weights, prism
-from taichi_ldem.scene import DISORDERED, Material, SceneError
+from taichi_ldem.scene import DISORDERED, Material
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.dynamics import Dynamics

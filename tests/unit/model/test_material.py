@@ -3,8 +3,9 @@ import math
 import pytest
 from support.blocks import block_scene
 
+from taichi_ldem.errors import SceneError
 from taichi_ldem.model import material as mat
-from taichi_ldem.scene import Material, SceneError
+from taichi_ldem.scene import Material
 
 # the falling-weight test of the paper: E, nu, rho, G_f and R_f of its Section 4
 PAPER = Material(

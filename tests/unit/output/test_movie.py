@@ -9,9 +9,9 @@ from PIL import Image
 from support.synthetic import synthetic_run
 
 from taichi_ldem.cli import main
+from taichi_ldem.errors import SceneError
 from taichi_ldem.output.movie import _palette, _write_gif, check
 from taichi_ldem.output.render.snapshots import Shot, _view_of, parse_section, speed, strain_energy
-from taichi_ldem.scene import SceneError
 from taichi_ldem.solver.backend import vulkan_device
 from taichi_ldem.storage.store import Fields, RunFolder, hexahedral_mesh
 

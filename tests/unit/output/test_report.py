@@ -12,10 +12,11 @@ from support.browser import drive, need_browser
 from support.synthetic import FAILURE, synthetic_run
 
 from taichi_ldem.cli import main
+from taichi_ldem.errors import SceneError
 from taichi_ldem.output.render import snapshots as render
 from taichi_ldem.output.report import page as report
 from taichi_ldem.output.report.page import write_report
-from taichi_ldem.scene import SceneError, load_scene
+from taichi_ldem.scene import load_scene
 from taichi_ldem.storage.store import HistoryWriter, RunFolder
 
 

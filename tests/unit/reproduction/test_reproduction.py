@@ -9,6 +9,7 @@ from support.synthetic import synthetic_run
 
 from taichi_ldem import cli
 from taichi_ldem.cli import main
+from taichi_ldem.errors import SceneError
 from taichi_ldem.reproduction.paper import (
     ITEMS,
     NEEDS,
@@ -22,7 +23,7 @@ from taichi_ldem.reproduction.paper import (
     write,
 )
 from taichi_ldem.reproduction.paper import paper as reproduction
-from taichi_ldem.scene import SceneError, load_scene
+from taichi_ldem.scene import load_scene
 
 ROOT = Path(__file__).resolve().parents[3]
 

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from taichi_ldem.scene import Scene, SceneError, load_scene, parse_scene, scene_to_toml
+from taichi_ldem.errors import SceneError
+from taichi_ldem.scene import Scene, load_scene, parse_scene, scene_to_toml
 
 CONFIGS = sorted((Path(__file__).parents[3] / "configs").glob("*.toml"))
 

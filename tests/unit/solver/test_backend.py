@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from support.blocks import DAMAGE, block_scene
 
-from taichi_ldem.scene import SceneError, Solver
+from taichi_ldem.errors import SceneError
+from taichi_ldem.scene import Solver
 from taichi_ldem.solver import backend
 
 

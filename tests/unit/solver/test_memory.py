@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from support.blocks import DAMAGE, block_scene
 
-from taichi_ldem.scene import DISORDERED, SceneError
+from taichi_ldem.errors import SceneError
+from taichi_ldem.scene import DISORDERED
 from taichi_ldem.solver import memory
 
 NOTCH = [{"normal": "x", "position": 2.5e-4, "from": [-1, -1], "to": [1, 1]}]

@@ -9,7 +9,7 @@ import pytest
 from support.blocks import SPACING, block_scene
 from support.reference import Body
 
-from taichi_ldem.scene import SceneError
+from taichi_ldem.errors import SceneError
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation
@@ -55,7 +55,7 @@ def test_sampling_changes_nothing(elastic: "Simulation", body: Body) -> None:
 def test_an_unstable_run_is_stopped_and_told_why(
     elastic: "Simulation", body: Body, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from taichi_ldem.solver.simulation import SimulationStopped
+    from taichi_ldem.errors import SimulationStopped
 
     monkeypatch.setattr(elastic, "time_step", 1.2 * elastic.critical_time_step)
     monkeypatch.setattr(elastic, "steps", 10_000)
@@ -67,7 +67,7 @@ def test_an_unstable_run_is_stopped_and_told_why(
 
 
 def test_a_nan_is_told_with_its_place(elastic: "Simulation", body: Body) -> None:
-    from taichi_ldem.solver.simulation import SimulationStopped
+    from taichi_ldem.errors import SimulationStopped
 
     _shake(elastic, body, 1e-3)
     samples = elastic.samples()
@@ -94,8 +94,8 @@ def test_a_nan_is_told_with_its_place(elastic: "Simulation", body: Body) -> None
 def test_the_guard_looks_at_the_plate_itself(
     elastic: "Simulation", ledger: dict[str, float], said: str
 ) -> None:
+    from taichi_ldem.errors import SimulationStopped
     from taichi_ldem.solver.energy import Ledger
-    from taichi_ldem.solver.simulation import SimulationStopped
 
     sample, start = elastic.sample_step(), Ledger(kinetic_striker=1e6)
 

@@ -5,8 +5,8 @@ import pytest
 from support.blocks import PMMA, SPACING, Breakable, block_scene, smooth_velocity
 from support.reference import Body
 
+from taichi_ldem.errors import SceneError
 from taichi_ldem.model import material as mat
-from taichi_ldem.scene import SceneError
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation

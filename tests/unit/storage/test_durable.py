@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 import pytest
 
-from taichi_ldem.scene import SceneError
+from taichi_ldem.errors import SceneError
 from taichi_ldem.storage import durable
 from taichi_ldem.storage.store import (
     FieldWriter,

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taichi_ldem.scene import SceneError, load_scene
+from taichi_ldem.errors import SceneError
+from taichi_ldem.scene import load_scene
 from taichi_ldem.studies import convergence as conv
 from taichi_ldem.studies.convergence_cracking import mean_of, places
 from taichi_ldem.studies.convergence_runs import SEED_REACH, exact_wave, finite_elements, kind

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from taichi_ldem.scene import SceneError
+from taichi_ldem.errors import SceneError
 from taichi_ldem.studies import extremes
 from taichi_ldem.studies.extreme_bench import REFUSED, STABLE, STOPPED, Case, Seen
 from taichi_ldem.studies.extreme_cases import CASES
