@@ -186,7 +186,8 @@ def run(case: Case, configs: Path, folder: Path, extra: list[str]) -> None:
 
 def _run_weak(arguments: list[str]) -> int:
     """The child's side of a case with a weak plane."""
-    from taichi_ldem.scenarios import tension
+    from taichi_ldem.api import draw_run
+    from taichi_ldem.scenarios import runner, tension
     from taichi_ldem.scene import load_scene
 
     parser = ArgumentParser()
@@ -197,7 +198,15 @@ def _run_weak(arguments: list[str]) -> int:
     parser.add_argument("--quiet", action="store_true")
     options = parser.parse_args(arguments)
     scene = load_scene(options.scene, options.set)
-    return tension.run(scene, options.out, force=options.force, quiet=options.quiet, prepare=weaken)
+    return runner.run(
+        scene,
+        options.out,
+        tension.summary,
+        force=options.force,
+        quiet=options.quiet,
+        draw=draw_run,
+        instrument=runner.Instrument(prepare=weaken),
+    )
 
 
 # --- tables ---------------------------------------------------------------------------------------
@@ -303,7 +312,7 @@ def tables(folder: Path) -> str:
 
 def _stress_strain(axes: "Axes", folder: Path, case: Case, *, grips: bool) -> None:
     """Stress over gauge strain, or over the separation of the grips, until the specimen parts."""
-    from taichi_ldem.scenarios.tension import curve, rows_until_parted
+    from taichi_ldem.analysis.stress_strain import curve, rows_until_parted
     from taichi_ldem.storage.store import RunFolder
 
     history = RunFolder(folder / case.name).read_history()

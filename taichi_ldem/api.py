@@ -7,8 +7,8 @@
         history = simulation.run(until=1e-3)
         deflection = -simulation.displacement[:, 2].min()
 
-``taichi_ldem.solver.simulation.Simulation`` is the engine behind it; this class starts Taichi for
-it, gives plain arrays of the nodes that exist, and ends cleanly.
+The class wraps the engine, ``taichi_ldem.solver.simulation.Simulation``: it starts Taichi, returns
+plain arrays of the nodes that exist, and gives the memory back at the end.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_ldem.errors import SceneError
+from taichi_ldem.scenarios.registry import entry_of
 from taichi_ldem.scene import Scene, load_scene, parse_scene
 from taichi_ldem.solver import backend
 from taichi_ldem.storage.store import RunFolder
@@ -52,18 +53,18 @@ class BrokenBars:
 class Simulation:
     """A scene that is stepped from Python.
 
-    Taichi has one state a process. A new simulation therefore starts Taichi afresh, which gives the
-    memory of earlier ones back and closes them: what is asked of them afterwards raises
-    RuntimeError. ``beside=True`` keeps the earlier ones alive; precision, arch and threads must be
-    theirs, and their memory comes back with the next simulation that is not beside them. Arrays
-    that were taken from a simulation are copies and stay.
+    Taichi has one state per process. A new simulation therefore starts Taichi afresh, which frees
+    the memory of earlier simulations and closes them: using one afterwards raises RuntimeError.
+    ``beside=True`` keeps the earlier ones open. Precision, arch and threads must then be equal to
+    theirs, and memory is freed by the next simulation without ``beside``. Arrays taken from a
+    simulation are copies and remain valid.
 
     Args:
         scene: a scene, its tables as a mapping, or a scene file.
-        beside: live together with the simulations that there are.
+        beside: keep the open simulations open.
 
     Raises:
-        SceneError: the scene cannot be run, in one line.
+        SceneError: the scene cannot be run; the message is one line.
     """
 
     _open: ClassVar[weakref.WeakSet[Simulation]] = weakref.WeakSet()
@@ -72,7 +73,7 @@ class Simulation:
     def __init__(self, scene: Scene | Mapping[str, Any] | str | Path, *, beside: bool = False):
         self._engine: Engine | None = None
         self.scene = as_scene(scene)
-        if self.scene.pulse is not None or self.scene.scenario == "modes":
+        if not entry_of(self.scene).resumable:
             raise SceneError(
                 f'scenario = "{self.scene.scenario}": does not start from rest; use '
                 "taichi_ldem.run(scene, folder)"
@@ -99,16 +100,19 @@ class Simulation:
         self._exists = lattice.exists()
         self._places = lattice.positions()[self._exists]
 
-    # -- stepping
-    # -----------------------------------------------------------------------------------
+    # -- stepping --
 
     @property
     def engine(self) -> Engine:
-        """The ``taichi_ldem.solver.simulation.Simulation`` behind, for what has no name here."""
+        """The ``taichi_ldem.solver.simulation.Simulation`` itself, for what this class lacks.
+
+        Raises:
+            RuntimeError: the simulation is closed.
+        """
         if self._engine is None:
             raise RuntimeError(
                 "this simulation is closed (a later one was started without beside=True, or "
-                "close() was called); its arrays and history that were taken before stay"
+                "close() was called); arrays and histories taken before remain valid"
             )
         return self._engine
 
@@ -128,15 +132,15 @@ class Simulation:
         return self.engine.step_number > self.engine.steps
 
     def step(self, count: int = 1) -> None:
-        """Take a number of time steps without looking at energies or forces."""
+        """Take a number of time steps without measuring energies or forces."""
         if count < 0:
             raise ValueError(f"count = {count}: must not be negative")
         self.engine.advance(count)
 
     def sample(self) -> Sample:
-        """Take one step and measure energies and forces at its start; added to the history.
+        """Take one step, measure energies and forces at its start, and add them to the history.
 
-        Forces are impulses over the time since the last sample.
+        A force is the impulse since the last sample over the time since then.
         """
         sample = self.engine.sample_step()
         self._samples.append(sample)
@@ -145,13 +149,15 @@ class Simulation:
         return sample
 
     def run(self, until: float | None = None) -> dict[str, FloatArray]:
-        """Step on, with a sample each ``output.history_interval``, and return the history.
+        """Step until a time, with a sample each ``output.history_interval``; return the history.
+
+        A later call continues from there.
 
         Args:
-            until: time at which to stop, s; None: the scene's end. It may be called again.
+            until: time at which to stop, s; None: the scene's end.
 
         Raises:
-            SimulationStopped: a NaN, or an energy error above 5 %.
+            SimulationStopped: the state is not finite, or the energy error is above 5 %.
         """
         self._stopped = False
         engine = self.engine
@@ -168,7 +174,7 @@ class Simulation:
     def on_sample(
         self, callback: Callable[[Simulation, Sample], object]
     ) -> Callable[[Simulation, Sample], object]:
-        """Have a function called with the simulation and each sample; works as a decorator."""
+        """Call a function with the simulation and each sample; also works as a decorator."""
         self._callbacks.append(callback)
         return callback
 
@@ -176,12 +182,11 @@ class Simulation:
         """From a callback: end ``run`` after this sample."""
         self._stopped = True
 
-    # -- looking
-    # ------------------------------------------------------------------------------------
+    # -- reading --
 
     @property
     def samples(self) -> list[Sample]:
-        """All samples so far."""
+        """The samples so far."""
         return list(self._samples)
 
     @property
@@ -213,7 +218,7 @@ class Simulation:
     def broken_fraction(self) -> FloatArray:
         """(nz, ny, nx) share of each module's twenty bars that have failed; 0 without damage.
 
-        Up to date when it is read, between samples too.
+        It is up to date at every step, not only at samples.
         """
         engine = self.engine
         if not self.scene.material.damage:
@@ -237,11 +242,10 @@ class Simulation:
     def _note_broken(self) -> None:
         self.engine.dynamics.new_broken()
 
-    # -- ending
-    # -------------------------------------------------------------------------------------
+    # -- ending --
 
     def close(self) -> None:
-        """Give its memory back once no other simulation is open. Doing it twice does no harm."""
+        """Close the simulation; memory is freed when no other one is open. It may be repeated."""
         if self._engine is None:
             return
         self._engine = None
@@ -266,7 +270,11 @@ class Simulation:
 
 
 def as_scene(scene: Scene | Mapping[str, Any] | str | Path) -> Scene:
-    """A scene from what stands for one; SceneError where it does not."""
+    """A scene from a scene, its tables or its file.
+
+    Raises:
+        SceneError: it is not acceptable; the message is one line.
+    """
     if isinstance(scene, Scene):
         return scene
     if isinstance(scene, Mapping):
@@ -275,7 +283,7 @@ def as_scene(scene: Scene | Mapping[str, Any] | str | Path) -> Scene:
 
 
 def close_all() -> None:
-    """Close every open simulation and give their memory back."""
+    """Close every open simulation and free their memory."""
     for simulation in list(Simulation._open):
         simulation._engine = None
     Simulation._open.clear()
@@ -291,6 +299,29 @@ def _reset() -> None:
     ti.reset()
 
 
+def draw_run(folder: RunFolder, *, pictures: bool, data: Any = None) -> list[Path]:
+    """Draw the figures of a run, and pictures of the plate, as scenarios ask for it (``Draw``).
+
+    Matplotlib and the renderer are imported here, when a run has ended.
+    """
+    from taichi_ldem.scenarios.modes import Shapes
+
+    if isinstance(data, Shapes):
+        from taichi_ldem.output.figures.modes import plot_modes
+
+        file = folder.path / "modes.png"
+        plot_modes(file, data.modes, data.planes, data.circles)
+        return [file]
+    from taichi_ldem.output.figures.run import plot_run
+
+    files = plot_run(folder)
+    if pictures:
+        from taichi_ldem.output.render.snapshots import render_run
+
+        files += render_run(folder, None)
+    return files
+
+
 def run(
     scene: Scene | Mapping[str, Any] | str | Path,
     out: str | Path,
@@ -300,28 +331,33 @@ def run(
 ) -> RunFolder:
     """Run a scene into a folder, as the command ``ldem SCENARIO`` does: files, figures, summary.
 
-    Starts Taichi afresh, so open simulations are closed.
+    Taichi is started afresh, so open simulations are closed.
 
     Args:
+        scene: a scene, its tables as a mapping, or a scene file.
         out: the run folder; must be empty unless ``force``.
+        force: replace the run that the folder holds.
+        quiet: print nothing on success.
 
     Raises:
         SceneError: the scene or the folder cannot be used.
-        RuntimeError: the run did not end as it should; its exit code is in the message.
+        RuntimeError: the run did not finish; its exit code is in the message.
     """
+    from taichi_ldem.scenarios import launch
+
     given = as_scene(scene)
+    entry = entry_of(given)
     close_all()
-    scenario = import_module(f"taichi_ldem.scenarios.{given.scenario}")
-    code = scenario.run(given, Path(out), force=force, quiet=quiet)
+    code = launch.run(entry, given, Path(out), force=force, quiet=quiet, draw=draw_run)
     if code:
-        raise RuntimeError(f"the run in '{out}' ended with exit code {code}")
+        raise RuntimeError(f"the run in '{out}' ended with exit code {int(code)}")
     return RunFolder(Path(out))
 
 
 def open_run(folder: str | Path) -> RunFolder:
-    """A run folder: ``read_history()``, ``read_summary()`` and the places of its files.
+    """A run folder: ``read_history()``, ``read_summary()`` and the paths of its files.
 
     Raises:
-        SceneError: it is none.
+        SceneError: the folder holds no run.
     """
     return RunFolder.open(Path(folder))

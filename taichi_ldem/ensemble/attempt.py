@@ -1,9 +1,9 @@
 """One attempt at one member: claims it, starts one child, watches it, and records how it ended.
 
-This is what a worker executes, a thread here or on another machine; all it knows is the ensemble's
-folder. An attempt is claimed by creating its record, which only one process can do: a scheduler
-that starts it a second time because a worker died does not run the member again behind the back of
-``conduct``, which alone decides on retries.
+A worker executes this in a thread here or on another machine, and needs only the ensemble's folder.
+An attempt is claimed by creating its record, which only one process can do. A scheduler that starts
+the attempt a second time, because a worker died, therefore does not run the member again: only
+``conduct`` decides on retries.
 """
 
 from __future__ import annotations
@@ -24,18 +24,19 @@ from typing import Any
 
 from taichi_ldem.ensemble.plan import ATTEMPTS, MEMBERS, SCENES
 from taichi_ldem.errors import SceneError
+from taichi_ldem.scenarios.registry import SCENARIOS
 from taichi_ldem.storage.checkpoint import LATEST, PREVIOUS
 from taichi_ldem.storage.durable import refuse_locked, write_whole
 from taichi_ldem.storage.store import RunFolder
 
 POLL = 0.2
-"""Seconds between two looks at a child."""
+"""Interval at which a child is checked, s."""
 STOP_POLL = 1.0
-"""Seconds between two looks for the order to stop, which may be on a network's file system."""
+"""Interval at which the order to stop is checked, s; it may lie on a network file system."""
 GRACE = 90.0
-"""Seconds that a child gets to take its checkpoint before it is killed."""
+"""Time that a child gets to write its checkpoint before it is killed, s."""
 PATIENCE = 120.0
-"""Seconds that an attempt waits for a run folder that another process still holds."""
+"""Time that an attempt waits for a run folder that another process still holds, s."""
 
 FINISHED, FAILED, KILLED, TIMED_OUT, LOST, STOPPED, RUNNING = (
     "finished",
@@ -49,15 +50,16 @@ FINISHED, FAILED, KILLED, TIMED_OUT, LOST, STOPPED, RUNNING = (
 GO_ON, STOP, STOP_NOW = 0, 1, 2
 
 PYTHON, FOLDER, SCENE = "{python}", "{folder}", "{scene}"
-"""Words of a command that stand for the worker's interpreter, the run folder and the scene."""
+"""Placeholders in a command for the worker's interpreter, the run folder and the scene."""
 
 
 @dataclass(frozen=True)
 class Commands:
-    """What a child executes, with the words above to be put in.
+    """The commands that a child executes; they contain the placeholders above.
 
     Attributes:
-        begin: makes the run from its start. resume: goes on from its checkpoint.
+        begin: starts the run from its beginning.
+        resume: resumes it from its checkpoint.
     """
 
     begin: tuple[str, ...]
@@ -65,9 +67,9 @@ class Commands:
 
 
 def solver_commands(scenario: str) -> Commands:
-    """Those of ``ldem``."""
+    """The commands of ``ldem`` for a scenario of the registry."""
     ldem = (PYTHON, "-m", "taichi_ldem.cli")
-    begin = (*ldem, scenario, SCENE, "--out", FOLDER, "--force")
+    begin = (*ldem, SCENARIOS[scenario].command, SCENE, "--out", FOLDER, "--force")
     return Commands(begin, (*ldem, "resume", FOLDER))
 
 
@@ -76,9 +78,11 @@ class Task:
     """An attempt to be made.
 
     Attributes:
-        ensemble: its folder, absolute. name: of the member. number: of the attempt, from 1.
-        timeout: s, or None.
-        afresh: do not go on from a checkpoint.
+        ensemble: the ensemble's folder, absolute.
+        name: the member's name.
+        number: the attempt's number, from 1.
+        timeout: longest time, s; None: no limit.
+        afresh: begin anew even where there is a checkpoint.
     """
 
     ensemble: str
@@ -94,20 +98,20 @@ class Task:
         return Path(self.ensemble, MEMBERS, self.name)
 
     def record_file(self, ending: str = "json") -> Path:
-        """The attempt's record; "out" and "err": what its child wrote."""
+        """The attempt's record; with "out" and "err" the output of its child."""
         return Path(self.ensemble, ATTEMPTS, f"{self.name}.{self.number}.{ending}")
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How an attempt ended, or that it runs.
+    """How an attempt ended, or that it is running.
 
     Attributes:
         reason: one line, empty where the member finished.
         how: "begun" or "resumed", or empty where no child was started.
-        exit_code: of the child; negative: the signal that ended it.
-        last_error: the last line that it wrote to stderr.
-        seconds: that it took.
+        exit_code: the child's; if negative, the number of the signal that ended it.
+        last_error: the last line that the child wrote to stderr.
+        seconds: duration of the attempt, s.
     """
 
     name: str
@@ -124,7 +128,7 @@ class Outcome:
 
 
 Stop = Callable[[], int]
-"""Tells whether to go on (0), to end the child cleanly (1), or at once (2)."""
+"""Returns GO_ON, STOP (end the child cleanly) or STOP_NOW (kill it)."""
 
 
 def is_finished(folder: Path) -> bool:
@@ -151,12 +155,12 @@ def write_outcome(ensemble: Path, outcome: Outcome) -> None:
 
 
 def stop_file(ensemble: Path) -> Path:
-    """The file that tells workers elsewhere to stop."""
+    """The file that orders workers on other machines to stop."""
     return Path(ensemble, "stop")
 
 
 def ordered_by_file(ensemble: Path) -> Stop:
-    """What the stop file says."""
+    """A function that reads the order in the stop file."""
 
     def stop() -> int:
         try:
@@ -168,10 +172,11 @@ def ordered_by_file(ensemble: Path) -> Stop:
 
 
 def attempt(task: Task, stop: Stop | None = None) -> Outcome:
-    """Make an attempt; never raises for what the member does.
+    """Make an attempt. Whatever the member does, no exception is raised.
 
     Args:
-        stop: looked at once a second; without it, the ensemble's stop file.
+        task: the attempt to make.
+        stop: called once a second; by default it reads the ensemble's stop file.
     """
     begun = time.monotonic()
     stop = stop or ordered_by_file(Path(task.ensemble))
@@ -205,7 +210,7 @@ def _end(running: Outcome, begun: float, state: str, reason: str = "", **more: A
 
 
 def _claim(task: Task, running: Outcome) -> bool:
-    """Create the attempt's record; False where it was there."""
+    """Create the attempt's record; False where it exists already."""
     task.record_file().parent.mkdir(exist_ok=True)
     try:
         with open(task.record_file(), "x", encoding="utf-8") as file:
@@ -237,20 +242,20 @@ def _run(task: Task, stop: Stop, running: Outcome, begun: float) -> Outcome:
             raise
     code = child.returncode
     last = _last_line(task.record_file("err"))
-    told: dict[str, Any] = {"how": how, "exit_code": code, "last_error": last}
+    child_end: dict[str, Any] = {"how": how, "exit_code": code, "last_error": last}
     if is_finished(task.folder):
-        return _end(running, begun, FINISHED, **told)
+        return _end(running, begun, FINISHED, **child_end)
     if cut:
-        return _end(running, begun, *cut, **told)
+        return _end(running, begun, *cut, **child_end)
     if code < 0:
-        return _end(running, begun, KILLED, f"ended by {signal.Signals(-code).name}", **told)
+        return _end(running, begun, KILLED, f"ended by {signal.Signals(-code).name}", **child_end)
     if code == 0:
-        return _end(running, begun, FAILED, "wrote no summary.json", **told)
-    return _end(running, begun, FAILED, last or f"exit code {code}", **told)
+        return _end(running, begun, FAILED, "wrote no summary.json", **child_end)
+    return _end(running, begun, FAILED, last or f"exit code {code}", **child_end)
 
 
 def _wait_until_free(task: Task, stop: Stop) -> str:
-    """Wait for the end of a process that holds the run folder; why that was in vain, or empty."""
+    """Wait until no process holds the run folder; returns why it is still held, or nothing."""
     until = time.monotonic() + PATIENCE
     while True:
         try:
@@ -270,7 +275,7 @@ def _filled(command: Sequence[str], task: Task) -> list[str]:
 
 
 def _start(command: Sequence[str], out: Any, errors: Any) -> subprocess.Popen[bytes]:
-    """Start a child in a group of its own, which a terminal's Ctrl-C does not reach."""
+    """Start a child in a process group of its own, so that Ctrl-C in a terminal spares it."""
     wrapper = (sys.executable, "-m", "taichi_ldem.ensemble.child", str(os.getpid()))
     return subprocess.Popen(
         [*wrapper, *command],
@@ -282,7 +287,7 @@ def _start(command: Sequence[str], out: Any, errors: Any) -> subprocess.Popen[by
 
 
 def _watch(child: subprocess.Popen[bytes], task: Task, stop: Stop) -> tuple[str, str] | None:
-    """Wait for a child's end, and cause it where that is due: then how and why."""
+    """Wait for a child's end. Where it has to be stopped, return the state and the reason."""
     begun = looked = time.monotonic()
     while True:
         with contextlib.suppress(subprocess.TimeoutExpired):
@@ -300,7 +305,7 @@ def _watch(child: subprocess.Popen[bytes], task: Task, stop: Stop) -> tuple[str,
 
 
 def _end_child(child: subprocess.Popen[bytes], stop: Stop) -> None:
-    """Let a child take a checkpoint and end; kill it where it does not, or when told so."""
+    """Let a child write a checkpoint and end; kill it where it does not, or on STOP_NOW."""
     _signal(child, signal.SIGTERM)
     until = time.monotonic() + GRACE
     while time.monotonic() < until and stop() < STOP_NOW:

@@ -1,8 +1,8 @@
-"""Becomes another program that ends with the process that started it (Linux).
+"""Replaces itself by another program that ends when its parent does (Linux).
 
-``python -m taichi_ldem.ensemble.child PARENT WORD...``: the kernel sends SIGTERM, on which a run
-takes a checkpoint and ends, when the thread that started this process is gone, however that ended.
-The setting survives ``exec``. Elsewhere the program is just started.
+``python -m taichi_ldem.ensemble.child PARENT WORD...``: when the thread that started this process
+ends, for whatever reason, the kernel sends SIGTERM, on which a run writes a checkpoint and ends.
+The setting survives ``exec``. On other systems the program is only started.
 """
 
 import ctypes
@@ -14,11 +14,11 @@ PR_SET_PDEATHSIG = 1
 
 
 def die_with(parent: int) -> None:
-    """Have SIGTERM sent to this process when its parent ends; exits where that has happened."""
+    """Have SIGTERM sent to this process when its parent ends; exit if it has ended already."""
     if sys.platform != "linux":
         return
     ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
-    if os.getppid() != parent:  # it ended before the kernel was told
+    if os.getppid() != parent:  # it ended before prctl was called
         sys.exit(128 + signal.SIGTERM)
 
 

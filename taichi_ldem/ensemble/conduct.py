@@ -1,15 +1,12 @@
-"""Runs an ensemble: hands attempts to a pool, decides on retries, tells how far it has come."""
+"""Runs an ensemble: hands attempts to a pool, decides on retries, and reports progress."""
 
 from __future__ import annotations
 
 import contextlib
 import os
-import signal
-import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn
@@ -30,24 +27,27 @@ from taichi_ldem.ensemble.attempt import (
 )
 from taichi_ldem.ensemble.plan import MEMBERS, Member, Plan
 from taichi_ldem.ensemble.pools import Pool
+from taichi_ldem.errors import ExitCode
+from taichi_ldem.scenarios.interrupts import signals_call
 from taichi_ldem.storage.store import RunFolder
 
 RETRIES = 1
-"""How often a member that did not finish is tried again. The only place that does."""
+"""Number of further attempts at a member that did not finish. Nothing else retries."""
 STATUS_INTERVAL = 60.0
-"""Seconds between two lines about the progress where there is no terminal."""
-REFUSED = 2
-"""Exit code of a resume that is refused, as when all checkpoints are damaged."""
-UNFINISHED = 5
-"""Exit code of an ensemble some of whose members did not finish."""
+"""Interval between two lines of progress where there is no terminal, s."""
 
 
 class Conductor:
-    """Takes every member to its end, or to the end of its retries.
+    """Runs every member until it has finished or has no retries left.
 
     Args:
-        commands: what a child executes. timeout: s of one attempt.
-        ended: called after each attempt that ended, with the outcome.
+        plan: the members.
+        folder: the ensemble's folder.
+        pool: where attempts are made.
+        commands: what a child executes.
+        timeout: longest time of one attempt, s; None: no limit.
+        console: where progress is printed; None: nowhere.
+        ended: called with the outcome of each attempt that has ended.
     """
 
     def __init__(
@@ -70,34 +70,39 @@ class Conductor:
         self.signal: int | None = None
 
     def run(self) -> int:
-        """Run what is not finished; 0, 5 where a member did not finish, 130 or 143 on a signal."""
+        """Run what is not finished.
+
+        Returns:
+            DONE, MEMBERS_MISSING, INTERRUPTED or TERMINATED of ``ExitCode``.
+        """
         stop_file(self.folder).unlink(missing_ok=True)
         waiting = [m for m in self.plan.members if not is_finished(self.folder / MEMBERS / m.name)]
-        told = len(self.plan.members) - len(waiting)
-        self.console.print(
-            f"{len(self.plan.members)} members, {told} finished already; {self.pool.describe()}"
-        )
+        count = len(self.plan.members)
+        done = count - len(waiting)
+        self.console.print(f"{count} members, {done} finished already; {self.pool.describe()}")
         for member in waiting:
             self._submit(member.name)
-        with self._listening(), self._progress() as tell:
+        with signals_call(self._stop), self._progress() as show:
             while self.open:
                 for outcome in self.pool.ended(1.0):
-                    tell(self._take(outcome))
-                tell(None)
+                    show(self._take(outcome))
+                show(None)
         if self.signal is not None:
             return 128 + self.signal
-        return UNFINISHED if self.failed else 0
+        return ExitCode.MEMBERS_MISSING if self.failed else ExitCode.DONE
 
     def _submit(self, name: str) -> None:
         earlier = read_attempts(self.folder, name)
         number = earlier[-1].number + 1 if earlier else 1
-        refused = bool(earlier) and (earlier[-1].how, earlier[-1].exit_code) == ("resumed", REFUSED)
+        # a resume is refused e.g. where all checkpoints are damaged
+        refusal = ("resumed", ExitCode.BAD_INPUT)
+        refused = bool(earlier) and (earlier[-1].how, earlier[-1].exit_code) == refusal
         self.tries[name] = self.tries.get(name, 0) + 1
         self.open.add(name)
         self.pool.submit(Task(str(self.folder), name, number, self.commands, self.timeout, refused))
 
     def _take(self, outcome: Outcome) -> str:
-        """Note an outcome, try again where that is due; a line on it."""
+        """Note an outcome and try again where that is due; returns a line about it."""
         name = outcome.name
         self.open.discard(name)
         if outcome.state in (LOST, FAILED):  # what the attempt itself could not record
@@ -119,56 +124,43 @@ class Conductor:
         known = written.get(outcome.number)
         if known is not None and known.state != RUNNING:
             return known
-        if known is not None:  # where it had been begun
-            told = {"begun": known.begun, "host": known.host, "process": known.process}
-            outcome = Outcome(**{**vars(outcome), **told})
+        if known is not None:  # keep when and where it was begun
+            begun = {"begun": known.begun, "host": known.host, "process": known.process}
+            outcome = Outcome(**{**vars(outcome), **begun})
         write_outcome(self.folder, outcome)
         return outcome
 
-    @contextlib.contextmanager
-    def _listening(self) -> Iterator[None]:
-        """SIGINT and SIGTERM end the children cleanly, a second one at once."""
-
-        def note(number: int, _frame: Any) -> None:
-            again = self.signal is not None
-            self.signal = self.signal or number
-            self.pool.stop(now=again)
-
-        if threading.current_thread() is not threading.main_thread():
-            yield
-            return
-        old = {n: signal.signal(n, note) for n in (signal.SIGINT, signal.SIGTERM)}
-        try:
-            yield
-        finally:
-            for number, handler in old.items():
-                signal.signal(number, handler)
+    def _stop(self, number: int) -> None:
+        """End the children on a signal, cleanly on the first and at once on a second."""
+        again = self.signal is not None
+        self.signal = self.signal or number
+        self.pool.stop(now=again)
 
     # --- progress ---------------------------------------------------------------------------------
 
     @contextlib.contextmanager
     def _progress(self) -> Iterator[Callable[[str | None], None]]:
-        """A function that prints a line on an outcome and keeps the state up to date."""
+        """A function that prints a line about an outcome and updates the progress."""
         begun, first = time.monotonic(), self.done_share()
         if self.console.is_terminal and not self.console.quiet:
             columns = (TextColumn("{task.description}"), BarColumn())
             with Progress(*columns, console=self.console) as bar:
                 task = bar.add_task(self._text(begun, first), total=1.0)
-                yield lambda line: self._tell_bar(bar, task, line, begun, first)
+                yield lambda line: self._update_bar(bar, task, line, begun, first)
             return
-        told = begun
+        printed = begun
 
-        def tell(line: str | None) -> None:
-            nonlocal told
-            if line is None and time.monotonic() - told < STATUS_INTERVAL:
+        def show(line: str | None) -> None:
+            nonlocal printed
+            if line is None and time.monotonic() - printed < STATUS_INTERVAL:
                 return
-            told = time.monotonic()
+            printed = time.monotonic()
             text = self._text(begun, first)
             self.console.print(text if line is None else f"{line} ({text})")
 
-        yield tell
+        yield show
 
-    def _tell_bar(
+    def _update_bar(
         self, bar: Progress, task: TaskID, line: str | None, begun: float, first: float
     ) -> None:
         if line is not None:
@@ -177,17 +169,17 @@ class Conductor:
 
     def _text(self, begun: float, first: float) -> str:
         share = [self._share(member) for member in self.plan.members]
-        whole, gone = sum(share) / len(share), time.monotonic() - begun
+        whole, elapsed = sum(share) / len(share), time.monotonic() - begun
         done = sum(part == 1.0 for part in share)
         text = f"{done} of {len(share)} done, {len(self.failed)} failed"
         if self.signal is not None:
             return f"{text}, stopping"
         if self.open and whole > first:
-            text += f", ETA {duration(gone * (1 - whole) / (whole - first))}"
+            text += f", ETA {duration(elapsed * (1 - whole) / (whole - first))}"
         return text
 
     def done_share(self) -> float:
-        """How much of all members' simulated time is done, 0 to 1."""
+        """Share of all members' simulated time that is done, 0 to 1."""
         members = self.plan.members
         return sum(self._share(member) for member in members) / len(members)
 
@@ -210,7 +202,7 @@ def reached_time(history_file: Path) -> float:
 
 
 def duration(seconds: float) -> str:
-    """A time as a person says it."""
+    """A time in words, e.g. "10 min"."""
     if seconds < 120:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60)

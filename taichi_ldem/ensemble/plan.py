@@ -1,7 +1,7 @@
-"""What an ensemble consists of: members, their names and scenes, and the record of what was asked.
+"""The plan of an ensemble: its members, their names and scenes, and the record of the request.
 
-The members are the full product of variabilities, seeds and varied keys. Their names and scenes'
-hashes, hashed together, tell one ensemble from another.
+The members are the full product of variabilities, seeds and varied keys. The hash of their names
+and of their scenes' hashes identifies an ensemble.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ else:
 
 from taichi_ldem import __version__
 from taichi_ldem.errors import SceneError
+from taichi_ldem.scenarios.registry import entry_of, resumable
 from taichi_ldem.scene import (
     Scene,
     load_scene,
@@ -38,13 +39,12 @@ from taichi_ldem.storage.provenance import canonical, scene_hash
 
 CV, SEED = "disorder.fracture_energy_cv", "disorder.seed"
 PLATE_SEED = "plate.perturbation_seed"
-"""Follows SEED in members whose nodes are perturbed, unless it is given itself."""
+"""Equal to SEED in members whose nodes are perturbed, unless it is given itself."""
 SHORT = {CV: "cv", SEED: "seed"}
-"""What these keys are called in the members' names; other keys by their last word."""
+"""Names of these keys in the members' names; another key is named by its last word."""
 
 RECORD, SCENES, MEMBERS, ATTEMPTS = "ensemble.toml", "scenes", "members", "attempts"
 MAX_MEMBERS = 100_000
-RESUMABLE = ("impact", "tension", "bend")
 
 
 @dataclass(frozen=True)
@@ -52,9 +52,9 @@ class Member:
     """One run of an ensemble.
 
     Attributes:
-        name: of its run folder.
+        name: the name of its run folder.
         varied: the varied keys and their values; None for a key that it does not have.
-        scene: what is run.
+        scene: the scene that is run.
     """
 
     name: str
@@ -63,13 +63,13 @@ class Member:
 
     @property
     def group(self) -> tuple[tuple[str, Any], ...]:
-        """The varied keys but the seed: members that differ in nothing else are one group."""
+        """The varied keys without the seed; members that agree in them form a group."""
         return tuple((key, value) for key, value in self.varied.items() if key != SEED)
 
 
 @dataclass(frozen=True)
 class Plan:
-    """All members, in order, and what was asked for them."""
+    """All members, in order, and the request that they follow from."""
 
     members: tuple[Member, ...]
     asked: Mapping[str, Any]
@@ -77,8 +77,8 @@ class Plan:
     @property
     def hash(self) -> str:
         """SHA-256 of the members' names and scenes."""
-        told = {member.name: scene_hash(member.scene) for member in self.members}
-        return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+        hashes = {member.name: scene_hash(member.scene) for member in self.members}
+        return hashlib.sha256(json.dumps(hashes, sort_keys=True).encode()).hexdigest()
 
 
 # --- the product ----------------------------------------------------------------------------------
@@ -96,12 +96,12 @@ def make_plan(
 
     Args:
         cv: variabilities of the fracture energy, "0.10,0.25"; 0 is the homogeneous specimen.
-        seeds: "0:4" (0 to 3) or "1,5,7"; of the disorder and of perturbed nodes.
-        vary: "section.key=value,value,..." each.
+        seeds: "0:4" (0 to 3) or "1,5,7"; seeds of the disorder and of perturbed nodes.
+        vary: further keys, "section.key=value,value,..." each.
         settings: overrides of the scene for all members, "section.key=value" each.
 
     Raises:
-        SceneError: an option or a member's scene is not acceptable; one line.
+        SceneError: an option or a member's scene is not acceptable.
     """
     axes = list(_axes(cv, seeds, vary))
     if not axes:
@@ -167,7 +167,7 @@ def _seeds(text: str) -> list[int]:
 
 
 def _split(text: str) -> list[str]:
-    """Values between commas; those within brackets or quotes do not count."""
+    """Values between commas; commas within brackets or quotes do not separate."""
     parts, depth, quote = [""], 0, ""
     for letter in text:
         if quote:
@@ -192,7 +192,7 @@ def _unique(option: str, texts: list[str]) -> list[str]:
 
 
 def _words(keys: Sequence[str]) -> dict[str, str]:
-    """What each key is called in a member's name: its last word where that is its alone."""
+    """The name of each key in a member's name: its last word, if no other key has the same one."""
     last = [key.rpartition(".")[2] for key in keys]
     return {
         key: SHORT.get(key, word if last.count(word) == 1 else key.replace(".", "-"))
@@ -220,8 +220,8 @@ def _member(
         if tables.get("disorder", {}).keys() <= {"seed"}:  # only the nodes draw from it
             tables.pop("disorder", None)
     scene = parse_scene(tables, scene_file.name, names)
-    if scene.scenario not in RESUMABLE:
-        known = ", ".join(RESUMABLE)
+    if not entry_of(scene, scene_file.name).resumable:
+        known = ", ".join(resumable())
         raise SceneError(f'scenario = "{scene.scenario}": an ensemble is made of {known}')
     varied: dict[str, Any] = {
         key: override_value(f"{key}={text}") if key in used else None for key, text in texts.items()
@@ -290,7 +290,7 @@ def read_plan(folder: Path) -> Plan:
     """The plan of an ensemble's folder.
 
     Raises:
-        SceneError: it is none, or a file of it cannot be read.
+        SceneError: the folder holds no ensemble, or a file of it cannot be read.
     """
     record = _record(folder)
     try:
@@ -320,7 +320,11 @@ def _record(folder: Path) -> dict[str, Any]:
 
 
 def refuse_other_plan(plan: Plan, folder: Path) -> None:
-    """Raise SceneError, naming a difference, where a folder holds another ensemble."""
+    """Check that a folder holds this ensemble.
+
+    Raises:
+        SceneError: it holds another one; the message names a difference.
+    """
     if _record(folder).get("sha256") == plan.hash:
         return
     old = read_plan(folder)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import Any, Protocol
@@ -28,26 +27,26 @@ from taichi_ldem.storage.durable import write_whole
 
 
 class Pool(Protocol):
-    """Makes attempts; knows nothing of retries."""
+    """Makes attempts; retries are decided elsewhere."""
 
     def submit(self, task: Task) -> None:
-        """Take an attempt into the queue."""
+        """Put an attempt into the queue."""
 
     def ended(self, seconds: float) -> list[Outcome]:
-        """Attempts that ended since the last call; waits so long for the first."""
+        """Attempts that ended since the last call; waits up to so many seconds for the first."""
 
     def stop(self, *, now: bool) -> None:
-        """End the children, cleanly or at once; what waits in the queue is not begun."""
+        """End the children, cleanly or at once; attempts in the queue are not begun."""
 
     def describe(self) -> str:
-        """One line on where the attempts are made."""
+        """One line that says where the attempts are made."""
 
     def close(self) -> None:
-        """Let go of the workers."""
+        """Release the workers."""
 
 
 class LocalPool:
-    """Children of this process, so many at a time."""
+    """Children of this process, at most ``workers`` at a time."""
 
     def __init__(self, workers: int) -> None:
         self.workers = workers
@@ -84,13 +83,18 @@ def _raised(task: Task, error: BaseException) -> Outcome:
 
 
 def local_workers(wanted: int | None, threads: int, scenes: list[Scene]) -> int:
-    """How many members to run at a time: as many as there are cores and memory for.
+    """Number of members to run at a time: as many as cores and memory allow.
+
+    Args:
+        wanted: number asked for, or None.
+        threads: CPU threads of each member.
+        scenes: scenes of all members.
 
     Raises:
-        SceneError: more are wanted than fit into the memory.
+        SceneError: the number asked for does not fit into the memory.
     """
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    # the fields of a run are there twice for a moment: NumPy's and Taichi's
+    # for a moment a run holds its fields twice, in NumPy and in Taichi
     free, needed = available_bytes(), max(needed_bytes(scene) for scene in scenes)
     fit = len(scenes) if free is None else max(1, free // needed)
     if wanted is None:
@@ -106,8 +110,8 @@ def local_workers(wanted: int | None, threads: int, scenes: list[Scene]) -> int:
 class DaskPool:
     """Workers of any Dask scheduler.
 
-    Dask starts a task again when a worker dies; the attempt's record tells that it had been begun,
-    and the task comes back as lost. Tasks that Dask gives up are lost, too.
+    Dask starts a task again when a worker dies. The attempt's record then shows that it had been
+    begun, and the task returns as lost. Tasks that Dask gives up are lost, too.
     """
 
     def __init__(self, address: str, ensemble: Path) -> None:
@@ -127,7 +131,7 @@ class DaskPool:
         self._tasks: dict[Any, Task] = {}
 
     def submit(self, task: Task) -> None:  # noqa: D102
-        # retries are not Dask's, and an attempt is never the same as another
+        # Dask must neither retry nor merge attempts: each is unique
         future = self._client.submit(attempt, task, pure=False, retries=0)
         future.add_done_callback(lambda _: self._news.set())
         self._tasks[future] = task
@@ -162,6 +166,3 @@ class DaskPool:
 
     def close(self) -> None:  # noqa: D102
         self._client.close()
-
-
-Open = Callable[[], Pool]

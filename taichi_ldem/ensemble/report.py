@@ -1,4 +1,4 @@
-"""Tables and figures of an ensemble, from its folder only."""
+"""Tables and figures of an ensemble, written from its folder."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from taichi_ldem.ensemble.table3 import write_table_3
 
 
 def is_ensemble(folder: Path) -> bool:
-    """Whether a folder is that of an ensemble."""
+    """Whether a folder holds an ensemble."""
     return (folder / RECORD).is_file()
 
 
 def report(folder: Path) -> list[Path]:
-    """Write tables and figures anew; the files written.
+    """Write tables and figures anew; returns the files written.
 
     Raises:
-        SceneError: the folder is none of an ensemble, or a file in it cannot be read.
+        SceneError: the folder holds no ensemble, or a file in it cannot be read.
     """
     plan = read_plan(folder)
     rows = read_rows(plan, folder)

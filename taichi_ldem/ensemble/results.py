@@ -1,4 +1,4 @@
-"""Numbers of an ensemble: a table with a row a member, and statistics of each group."""
+"""Numbers of an ensemble: a table with a row for each member, and statistics of each group."""
 
 from __future__ import annotations
 
@@ -16,43 +16,25 @@ import numpy as np
 from taichi_ldem import __version__
 from taichi_ldem.ensemble.attempt import FINISHED, Outcome, is_finished, read_attempts
 from taichi_ldem.ensemble.plan import MEMBERS, Member, Plan
+from taichi_ldem.scenarios.registry import entry_of
 from taichi_ldem.storage.durable import write_whole
 from taichi_ldem.storage.store import RunFolder
 
-IMPACT = (
-    "damage_onset_time_s",
-    "first_peak_force_n",
-    "first_peak_time_s",
-    "second_peak_force_n",
-    "second_peak_time_s",
-    "failure_time_s",
-    "failure_time_velocity_s",
-    "failure_time_energy_s",
-    "striker_velocity_end_m_s",
-    "fracture_j",
-    "radial_cracks",
-    "radial_diameter_m",
-    "circular_diameter_m",
-    "circular_coverage",
-    "crack_length_m",
-    "energy_error",
-    "energy_error_of_plate",
-)
-"""Numbers of a falling-weight test's summary that go into the table."""
 COST = ("wall_s", "compile_s", "bars_per_s", "steps", "bars", "nodes")
 CONFIDENCE = 0.95
 FEWEST = 3
-"""Members from which on there is a confidence interval: Student's t of two is 12.7 deviations."""
+"""Least number of members for a confidence interval: with two, Student's t is 12.7 deviations."""
 WAITING = "waiting"
 
 
 @dataclass(frozen=True)
 class Row:
-    """A member and how it went.
+    """A member, its numbers and its attempts.
 
     Attributes:
-        numbers: of its summary; empty where it has not finished.
-        attempts: in order. state: "finished", "waiting", or how the last attempt ended.
+        numbers: those of its summary; empty where it has not finished.
+        attempts: the attempts at it, in order.
+        state: "finished", "waiting", or the state in which the last attempt ended.
     """
 
     member: Member
@@ -62,12 +44,12 @@ class Row:
 
     @property
     def reason(self) -> str:
-        """Why it has not finished."""
+        """The reason why it has not finished."""
         return "" if self.state == FINISHED or not self.attempts else self.attempts[-1].reason
 
 
 def read_rows(plan: Plan, folder: Path) -> list[Row]:
-    """All members of an ensemble, from its folder only."""
+    """All members of an ensemble, read from its folder."""
     rows = []
     for member in plan.members:
         run = RunFolder(folder / MEMBERS / member.name)
@@ -80,9 +62,10 @@ def read_rows(plan: Plan, folder: Path) -> list[Row]:
 
 
 def columns(plan: Plan, rows: Sequence[Row]) -> list[str]:
-    """Names of the summary's numbers in the table."""
-    if all(member.scene.scenario == "impact" for member in plan.members):
-        return list(IMPACT)
+    """Names of the summary's numbers in the table: the scenario's choice, or all of them."""
+    chosen = {entry_of(member.scene).numbers for member in plan.members}
+    if len(chosen) == 1 and (numbers := chosen.pop()):
+        return list(numbers)
     names = dict.fromkeys(name for row in rows for name in row.numbers)
     return [name for name in names if name not in COST and any(_is_number(r, name) for r in rows)]
 
@@ -120,12 +103,13 @@ def _cell(value: Any) -> str:
 
 @dataclass(frozen=True)
 class Statistics:
-    """Of one number over the members of a group.
+    """Statistics of one number over the members of a group.
 
     Attributes:
-        count: members that have the number.
-        standard_deviation: with count - 1; None for one member.
-        interval: of the mean, 95 %, by Student's t; None for fewer than three members.
+        count: number of members that have the number.
+        standard_deviation: of the sample (count - 1 in the denominator); None for one member.
+        interval: 95 % confidence interval of the mean, by Student's t; None for fewer than three
+            members.
     """
 
     count: int
@@ -160,7 +144,7 @@ def statistics(values: Sequence[float]) -> Statistics | None:
 
 
 def groups(rows: Sequence[Row]) -> dict[tuple[tuple[str, Any], ...], list[Row]]:
-    """Rows that differ in their seed only, together, in order."""
+    """The rows by group: those of a group differ in their seed only."""
     found: dict[tuple[tuple[str, Any], ...], list[Row]] = {}
     for row in rows:
         key = tuple((name, _hashable(value)) for name, value in row.member.group)
@@ -173,14 +157,14 @@ def _hashable(value: Any) -> Any:
 
 
 def numbers_of(rows: Sequence[Row], name: str) -> list[float]:
-    """A number of the rows that have it."""
+    """The values of a number, of the rows that have it."""
     return [float(row.numbers[name]) for row in rows if _is_number(row, name)]
 
 
 def write_statistics(plan: Plan, folder: Path, rows: Sequence[Row]) -> Path:
     """Write ``ensemble.json``: state, statistics by group, attempts that went wrong."""
     names = columns(plan, rows)
-    told = {
+    content = {
         "version": __version__,
         "sha256": plan.hash,
         "asked": dict(plan.asked),
@@ -209,5 +193,5 @@ def write_statistics(plan: Plan, folder: Path, rows: Sequence[Row]) -> Path:
         ],
     }
     file = folder / "ensemble.json"
-    write_whole(file, (json.dumps(told, indent=2) + "\n").encode())
+    write_whole(file, (json.dumps(content, indent=2) + "\n").encode())
     return file

@@ -1,8 +1,9 @@
-"""The command: an ensemble's folder made ready, its members run, its tables and figures written."""
+"""A whole ensemble: the folder is prepared, members are run, tables and figures are written."""
 
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
@@ -13,48 +14,69 @@ from taichi_ldem.ensemble.conduct import Conductor
 from taichi_ldem.ensemble.plan import Plan
 from taichi_ldem.ensemble.pools import DaskPool, LocalPool, Pool, local_workers
 from taichi_ldem.ensemble.results import read_rows, write_statistics, write_table
-from taichi_ldem.errors import SceneError
+from taichi_ldem.errors import ExitCode, SceneError
+from taichi_ldem.scenarios.progress import make_console
 from taichi_ldem.storage.durable import LOCK
 from taichi_ldem.storage.store import RunFolder
+
+
+@dataclass(frozen=True)
+class How:
+    """How members are run.
+
+    Attributes:
+        local: number of members at a time on this machine; None: as many as cores allow.
+        scheduler: address of a Dask scheduler to use instead.
+        threads: CPU threads of each member.
+        timeout: longest time of an attempt, s; None: no limit.
+    """
+
+    local: int | None = None
+    scheduler: str | None = None
+    threads: int = 1
+    timeout: float | None = None
+
+
+ENDED = (ExitCode.DONE, ExitCode.MEMBERS_MISSING)
+"""Exit codes after which every member has finished or has been given up."""
 
 
 def run(
     plan: Plan,
     folder: Path,
+    how: How | None = None,
     *,
     resume: bool = False,
-    local: int | None = None,
-    scheduler: str | None = None,
-    threads: int = 1,
-    timeout: float | None = None,
     quiet: bool = False,
     commands: Commands | None = None,
 ) -> int:
     """Run an ensemble into a folder.
 
     Args:
-        resume: go on with the ensemble in the folder, which must be the same.
-        local: members at a time on this machine. scheduler: address of a Dask scheduler instead.
-        threads: of each member. timeout: s of each attempt.
+        plan: its members.
+        folder: where it goes.
+        how: how its members are run.
+        resume: continue the ensemble in the folder, which must be the same.
+        quiet: print nothing on success.
         commands: what a child executes; ``ldem`` by default.
 
     Returns:
-        0; 5 where members did not finish; 130 after Ctrl-C and 143 after SIGTERM.
+        DONE, MEMBERS_MISSING, INTERRUPTED (Ctrl-C) or TERMINATED (SIGTERM) of ``ExitCode``.
 
     Raises:
         SceneError: an option or the folder is refused; no member has been started then.
     """
-    console = Console(quiet=quiet, highlight=False, markup=False, soft_wrap=True)
+    console = make_console(quiet)
+    how = how or How()
     check(plan, folder, resume=resume)
-    workers = 0
-    if scheduler is None:
-        workers = local_workers(local, threads, [member.scene for member in plan.members])
+    scenes = [member.scene for member in plan.members]
+    workers = 0 if how.scheduler else local_workers(how.local, how.threads, scenes)
     RunFolder.check(folder, force=True)
     with RunFolder.held(folder):
         pool: Pool
-        pool = LocalPool(workers) if scheduler is None else DaskPool(scheduler, folder.absolute())
+        pool = DaskPool(how.scheduler, folder.absolute()) if how.scheduler else LocalPool(workers)
         try:
-            plans.write_plan(plan, folder, threads)
+            plans.write_plan(plan, folder, how.threads)
             by_scenario = commands or solver_commands(plan.members[0].scene.scenario)
 
             def tables(_outcome: Outcome | None = None) -> None:
@@ -64,7 +86,7 @@ def run(
 
             tables()
             conductor = Conductor(
-                plan, folder, pool, by_scenario, timeout=timeout, console=console, ended=tables
+                plan, folder, pool, by_scenario, timeout=how.timeout, console=console, ended=tables
             )
             code = conductor.run()
         except BaseException:
@@ -73,7 +95,7 @@ def run(
         finally:
             pool.close()
         _tell_end(console, folder, conductor, code)
-        if code in (0, 5):
+        if code in ENDED:
             from taichi_ldem.ensemble.report import report
 
             for file in report(folder):
@@ -82,7 +104,11 @@ def run(
 
 
 def check(plan: Plan, folder: Path, *, resume: bool) -> None:
-    """Raise SceneError where ``run`` would refuse the folder; changes nothing."""
+    """Check that ``run`` accepts the folder; nothing is changed.
+
+    Raises:
+        SceneError: it does not.
+    """
     if resume:
         plans.refuse_other_plan(plan, folder)
         return
@@ -95,13 +121,13 @@ def check(plan: Plan, folder: Path, *, resume: bool) -> None:
 def _tell_end(console: Console, folder: Path, conductor: Conductor, code: int) -> None:
     for outcome in conductor.failed:
         print(f"failed: {outcome.name}: {outcome.state}: {outcome.reason}", file=sys.stderr)
-    if code not in (0, 5):
-        word = "interrupted" if code == 130 else "terminated"
+    if code not in ENDED:
+        word = "interrupted" if code == ExitCode.INTERRUPTED else "terminated"
         print(f"{word}; kept in {folder}; the same command with --resume goes on", file=sys.stderr)
     else:
         console.print(f"results in {folder}")
 
 
 def default_folder(scene_file: Path) -> Path:
-    """Where an ensemble of a scene goes."""
+    """The default folder of an ensemble of a scene."""
     return Path("outputs", f"{scene_file.stem}_ensemble")

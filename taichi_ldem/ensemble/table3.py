@@ -1,4 +1,4 @@
-"""Table 3 of the paper from an ensemble, with the paper's and the experiments' values beside."""
+"""Table 3 of the paper from an ensemble, with the paper's and the experiments' values."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from taichi_ldem.analysis.quantities import at_end
 from taichi_ldem.ensemble.attempt import FINISHED
 from taichi_ldem.ensemble.plan import CV, SEED, Plan
 from taichi_ldem.ensemble.results import Row, groups, numbers_of, statistics
+from taichi_ldem.scenarios.registry import entry_of
 from taichi_ldem.storage.durable import write_whole
 
 COLUMNS = (
@@ -27,20 +28,20 @@ COLUMNS = (
     ("t2 (velocity) [ms]", "failure_time_velocity_s", 1e3, 2, 2),
     ("P2 [N]", "second_peak_force_n", 1.0, 0, 0),
 )
-"""Title, number of the summary, factor, and digits of a value and of a mean."""
+"""Title, number of the summary, factor to the unit, digits of a value, digits of a mean."""
 
 EXPLAINED = """\
 Values of the members in the order of their seeds, and below them mean ± half of the 95 % confidence
 interval of the mean (Student's t) over those that have the number, for three or more; "-": a
 member has none. d_r: circle through the radial tips at t2 (energy), the largest strain energy; "*":
-measured at the end, for want of a failure by the strain energy; d_c: circle through the circular
-crack at the end; onset: dissipated energy leaves zero.
+measured at the end, because the strain energy shows no failure; d_c: circle through the circular
+crack at the end; onset: the dissipated energy is no longer zero.
 """
 AT_T2 = ("radial_cracks", "radial_diameter_m")
 
 
 def label(group: Sequence[tuple[str, Any]]) -> str:
-    """A group as a person says it."""
+    """A group in words, e.g. "CV 25 %"."""
     words = []
     for key, value in group:
         if key == CV:
@@ -52,8 +53,9 @@ def label(group: Sequence[tuple[str, Any]]) -> str:
 
 
 def write_table_3(plan: Plan, folder: Path, rows: Sequence[Row]) -> list[Path]:
-    """Write ``table3.md`` and ``table3.csv``; nothing for another test than impact."""
-    if any(member.scene.scenario != "impact" for member in plan.members):
+    """Write ``table3.md`` and ``table3.csv`` for scenarios whose tables have its numbers."""
+    shown = {name for _, name, *_ in COLUMNS}
+    if any(not shown <= set(entry_of(member.scene).numbers) for member in plan.members):
         return []
     papers = all(is_papers_test(member.scene) for member in plan.members)
     files = [folder / "table3.md", folder / "table3.csv"]
@@ -81,7 +83,7 @@ def markdown(rows: Sequence[Row], papers: bool) -> str:
         lines.append(_line("*experiments*", _experiments()))
         note = ""
     else:
-        note = "\nThe paper's values are not beside: this is not its plate, striker and speed.\n"
+        note = "\nThe paper's values are left out: plate, striker or speed are not its own.\n"
     return "\n".join(lines) + "\n\n" + EXPLAINED + note
 
 
@@ -112,7 +114,7 @@ def _mean(rows: Sequence[Row], column: tuple[str, str, float, int, int]) -> str:
 
 
 def _printed(key: Sequence[tuple[str, Any]]) -> list[str] | None:
-    """The paper's cells for a group that differs in the variability of G_f only."""
+    """The paper's cells for a group given by the variability of G_f alone; None for another."""
     cv = dict(key).get(CV)
     if cv is None or len(key) != 1:
         return None
@@ -143,7 +145,7 @@ def _experiments() -> list[str]:
 
 
 def comma_separated(rows: Sequence[Row], papers: bool) -> str:
-    """The same as a line a specimen, in SI units."""
+    """The same in SI units, a line for each specimen."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     names = [name for _, name, *_ in COLUMNS]

@@ -1,4 +1,1 @@
-"""One file for each scenario, under its name: what a command runs from start to end.
-
-``resumable`` says which of them ``ldem resume`` goes on with.
-"""
+"""One file for each scenario, their registry, and what their runs have in common."""

@@ -1,18 +1,17 @@
 """Notched three-point bending after ISO 17281 (Fig. 7 of the paper): the numbers of a specimen.
 
 Energies are taken at the *peak*: the first maximum of the specimen's strain energy, from damage
-onset on, after which it falls by a twentieth, that is when the crack runs. The striker's force
-swings with the specimen between striker and supports, so its own largest value says little, while
-the strain energy is what feeds the crack. Up to there
+onset on, after which it falls by a twentieth. That is when the crack runs. The striker's force
+oscillates with the specimen between striker and supports, so its largest value says little, while
+the strain energy is what drives the crack. Up to the peak
 
     work of the striker = strain + fracture + kinetic energy of the specimen + losses in contact
 
-which is the ledger. What the specimen has absorbed, U, is the first two; the others are separated
-because the ledger has each of them at every sample, not by an estimate.
+by the energy ledger. The energy that the specimen has absorbed, U, is the sum of the first two. No
+estimate is needed to separate them from the others: the ledger has each at every sample.
 """
 
 import math
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,28 +20,25 @@ import numpy.typing as npt
 from taichi_ldem.analysis import signals
 from taichi_ldem.model import material as mat
 from taichi_ldem.model.lattice import BAR_VECTORS, BARS_PER_SITE, DIAGONAL, Lattice, bar_weights
-from taichi_ldem.scenarios import runner
+from taichi_ldem.scenarios.runner import History
 from taichi_ldem.scene import Notch, Scene
-
-FALL = 0.05
-"""Share of the strain energy that is lost when the crack runs."""
+from taichi_ldem.storage.store import RunFolder
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation
 
-
-def run(scene: Scene, out: Path, *, force: bool = False, quiet: bool = False) -> int:
-    """Run a bending test into a folder; exit codes and errors are ``runner.run``'s."""
-    return runner.run(scene, out, summary, force=force, quiet=quiet)
+FALL = 0.05
+"""Share of the strain energy that is lost when the crack runs."""
 
 
 def notch_depth(notch: Notch, lattice: Lattice) -> float:
     """Depth of a notch that is open below: half-way between its last bar and the next one, m.
 
     Rows of bars along the beam's axis are half a module apart, so ``notch.to`` may be anything
-    between two. Half-way is where the compliance of the notched lattice has the crack's tip if the
-    plane goes through corner nodes and the last row is one of centre nodes, that is for three
-    quarters of a module more than whole ones; else it is deeper by up to 0.2 L (docs/bending.md).
+    between two. The compliance of the notched lattice puts the crack's tip half-way if the plane
+    goes through corner nodes and the last row is one of centre nodes, that is for a depth of three
+    quarters of a module more than whole modules. Otherwise the tip is deeper by up to 0.2 L
+    (docs/bending.md).
     """
     row = 0.5 * lattice.spacing
     return row * (math.floor(notch.bounds[1][1] / row + 1e-6) + 0.5)
@@ -68,10 +64,10 @@ def ligament_area(scene: Scene, notch: Notch, lattice: Lattice) -> float:
 
 
 def beside_plane(notch: Notch, lattice: Lattice) -> npt.NDArray[np.bool_]:
-    """(14, *S) bars that a flat crack in the notch's plane would leave alone.
+    """(14, *S) bars that a flat crack in the notch's plane would not break.
 
-    Their middles are more than half a module off it: a crack along either side of the plane's nodes
-    breaks bars whose middles are nearer.
+    Their midpoints are more than half a module away from the plane: a crack along either side of
+    the plane's nodes breaks bars whose midpoints are nearer.
     """
     axis = notch.axes[0]
     place = lattice.positions()[..., axis]
@@ -82,11 +78,11 @@ def beside_plane(notch: Notch, lattice: Lattice) -> npt.NDArray[np.bool_]:
     return np.asarray(np.abs(np.stack(middles) - notch.position) > 0.51 * lattice.spacing)
 
 
-def peak_index(history: runner.History, onset: float | None) -> int:
-    """Row of the peak (see the module); the largest strain energy where it never falls so far.
+def peak_index(history: History, onset: float | None) -> int:
+    """Row of the peak (see the module); the row of the largest strain energy without one.
 
     Args:
-        onset: damage onset, s; None: an elastic run.
+        onset: time of damage onset, s; None for an elastic run.
     """
     strain = np.array([r["strain_j"] for r in history])
     if onset is not None:
@@ -98,7 +94,7 @@ def peak_index(history: runner.History, onset: float | None) -> int:
     return int(np.argmax(strain))
 
 
-def summary(simulation: "Simulation", history: runner.History) -> dict[str, Any]:
+def summary(simulation: "Simulation", history: History, folder: RunFolder) -> dict[str, Any]:
     """Notch, energies at the peak (see the module) and fracture of a finished run."""
     scene = simulation.scene
     lattice = simulation.dynamics.lattice

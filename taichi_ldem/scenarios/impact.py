@@ -1,28 +1,23 @@
 """The falling-weight test: its numbers (Sections 3.1 and 5.2 of the paper)."""
 
-from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from taichi_ldem.analysis import signals
-from taichi_ldem.scenarios import runner
-from taichi_ldem.scene import Scene
+from taichi_ldem.scenarios.runner import History
 from taichi_ldem.storage.store import RunFolder
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation
 
 
-def run(scene: Scene, out: Path, *, force: bool = False, quiet: bool = False) -> int:
-    """Run a falling-weight test into a folder; exit codes and errors are ``runner.run``'s."""
-    return runner.run(scene, out, partial(summary, RunFolder(out)), force=force, quiet=quiet)
+def summary(simulation: "Simulation", history: History, folder: RunFolder) -> dict[str, Any]:
+    """Onset, peaks, failure and cracks of a finished run, SI units.
 
-
-def summary(folder: RunFolder, simulation: "Simulation", history: runner.History) -> dict[str, Any]:
-    """Onset, peaks, failure and cracks of a finished run (definitions: ``signals``, ``cracks``)."""
+    The definitions are those of ``analysis.signals`` and ``analysis.cracks``.
+    """
     scene, last = simulation.scene, history[-1]
     time_s = _column(history, "time_s")
     onset, peaks, load, failure = None, signals.ForcePeaks(), signals.Puncture(), None
@@ -36,8 +31,8 @@ def summary(folder: RunFolder, simulation: "Simulation", history: runner.History
             velocity = _column(history, "striker_velocity_m_s")
             failure = signals.velocity_failure(time_s, velocity, onset)
     if scene.striker is not None:
-        way = _column(history, "striker_displacement_m")
-        load = signals.puncture(time_s, _column(history, "striker_force_n"), way)
+        displacement = _column(history, "striker_displacement_m")
+        load = signals.puncture(time_s, _column(history, "striker_force_n"), displacement)
     return {
         "damage_onset_time_s": onset,
         "first_peak_force_n": peaks.first_force,
@@ -60,12 +55,12 @@ def summary(folder: RunFolder, simulation: "Simulation", history: runner.History
 
 
 def _measured(folder: RunFolder) -> dict[str, Any]:
-    """The numbers of the cracks; the same keys without a crack."""
+    """The numbers of the cracks; a run without cracks has the same keys."""
     from taichi_ldem.analysis.cracks import NO_CRACKS, measure_run
 
     cracks = measure_run(folder)
     return NO_CRACKS if cracks is None else cracks.summary()
 
 
-def _column(history: runner.History, name: str) -> npt.NDArray[np.float64]:
+def _column(history: History, name: str) -> npt.NDArray[np.float64]:
     return np.array([row[name] for row in history], dtype=float)

@@ -1,7 +1,6 @@
 """Free oscillations: natural frequencies and shapes of a scene's lattice (Section 5.1)."""
 
 import math
-import resource
 import sys
 import time
 from dataclasses import dataclass
@@ -10,23 +9,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from rich.console import Console
 
 from taichi_ldem.analysis import modeshapes
 from taichi_ldem.analysis.modeshapes import Name
-from taichi_ldem.errors import SceneError
+from taichi_ldem.errors import ExitCode, SceneError
 from taichi_ldem.scenarios.describe import warnings
-from taichi_ldem.scene import Clamp, Modes, Scene, scene_to_toml
+from taichi_ldem.scenarios.drawing import Draw
+from taichi_ldem.scenarios.progress import make_console
+from taichi_ldem.scene import Modes, Scene, scene_to_toml
 from taichi_ldem.solver import backend
+from taichi_ldem.solver.memory import peak_bytes
 from taichi_ldem.storage.store import RunFolder, hexahedral_mesh, write_vectors
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.dynamics import Dynamics
     from taichi_ldem.solver.eigen import Modes as Solution
+    from taichi_ldem.solver.eigen import TangentOperator
 
 Array = npt.NDArray[np.float64]
-
-STOPPED, INTERRUPTED = 3, 130
 
 PAPER = {
     (0, 0): (1.46e3, 1.61e3),
@@ -35,16 +35,24 @@ PAPER = {
     (0, 1): (5.51e3, 6.29e3),
     (0, 2): (11.85e3, 14.05e3),
 }
-"""Table 2 of the paper, Hz: its lattice, and its Rayleigh-Ritz column.
+"""Table 2 of the paper, Hz: frequencies of its lattice, and its Rayleigh-Ritz column.
 
-The latter is the thin clamped disc with E = 3.30 GPa, nu = 0.25 and radius 40 mm: neither the
-paper's E (3.35 GPa) nor the radius of its rings (38 mm).
+The latter are those of the thin clamped disc with E = 3.30 GPa, nu = 0.25 and radius 40 mm, which
+are neither the paper's E (3.35 GPa) nor the radius of its rings (38 mm).
 """
 
 
 @dataclass(frozen=True)
 class Mode:
-    """One mode: number from 1, frequency (Hz), relative residual, name, number of its group."""
+    """One mode.
+
+    Attributes:
+        number: from 1, in ascending order of frequency.
+        frequency: Hz.
+        residual: relative.
+        name: what its shape is called.
+        group: number of the group of modes with the same frequency, from 1.
+    """
 
     number: int
     frequency: float
@@ -53,17 +61,39 @@ class Mode:
     group: int
 
 
-def run(scene: Scene, out: Path, *, force: bool = False, quiet: bool = False) -> int:
+@dataclass(frozen=True)
+class Shapes:
+    """What the figure of the modes is drawn from.
+
+    Attributes:
+        modes: in ascending order of frequency.
+        planes: for each mode the grid lines x, y (m) and the motion (ny, nx, 3) of the mid-plane.
+        circles: radii of the clamp's circles, m.
+    """
+
+    modes: list[Mode]
+    planes: list[tuple[Array, Array, Array]]
+    circles: list[float]
+
+
+def run(
+    scene: Scene, out: Path, *, force: bool = False, quiet: bool = False, draw: Draw | None = None
+) -> int:
     """Compute the modes of a scene into a folder.
 
+    Args:
+        force: replace the run that the folder holds.
+        quiet: print nothing on success.
+        draw: draws the figure of the shapes; None: no figure.
+
     Returns:
-        0; 3 where the solver did not converge; 130 after Ctrl-C: nothing but the scene is there
-        then.
+        DONE, STOPPED (the solver did not converge) or INTERRUPTED of ``ExitCode``. Only when it is
+        done, the folder holds more than the scene.
 
     Raises:
         SceneError: the scene or the folder is refused; nothing has been written then.
     """
-    console = Console(quiet=quiet, highlight=False, markup=False, soft_wrap=True)
+    console = make_console(quiet)
     RunFolder.check(out, force=force)
     started = time.perf_counter()
     linear, notes = linearised(scene)
@@ -79,67 +109,76 @@ def run(scene: Scene, out: Path, *, force: bool = False, quiet: bool = False) ->
     folder = RunFolder.create(out, force=force)
     folder.write_scene(scene_to_toml(scene))
 
-    def tell(line: str) -> None:
+    def report(line: str) -> None:
         console.print(f"{time.perf_counter() - started:6.1f} s  {line}")
 
     try:
-        solution = eigen.lowest(operator, count, tell)
+        solution = eigen.lowest(operator, count, report)
     except ValueError as error:
         raise SceneError(f"modes.count = {count}: {error}") from None
     except eigen.NotConverged as error:
         print(f"stopped: {error}", file=sys.stderr)
-        return STOPPED
+        return ExitCode.STOPPED
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
-        return INTERRUPTED
+        return ExitCode.INTERRUPTED
     named = name_modes(linear, dynamics, solution)
     write(folder, scene, dynamics, solution, named)
-    folder.write_summary(
-        {
-            "frequencies_hz": solution.frequencies,
-            "residuals": solution.residuals,
-            "names": [str(mode.name) for mode in named],
-            "groups": [mode.group for mode in named],
-            "degrees_of_freedom": operator.size,
-            "nodes": dynamics.lattice.nodes,
-            "bars": dynamics.lattice.bars,
-            "iterations": solution.iterations,
-            "products": operator.applied,
-            "wall_s": time.perf_counter() - started,
-            "peak_memory_bytes": 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss,
-        }
-    )
+    if draw is not None:
+        planes = [mid_plane(dynamics, shape) for shape in solution.shapes]
+        draw(folder, pictures=False, data=Shapes(named, planes, circles(scene)))
+    folder.write_summary(_summary(operator, solution, named, time.perf_counter() - started))
     console.print(table(scene, named))
     console.print(f"{time.perf_counter() - started:.1f} s in all; results in {out}")
-    return 0
+    return ExitCode.DONE
+
+
+def _summary(
+    operator: "TangentOperator", solution: "Solution", named: list[Mode], wall: float
+) -> dict[str, Any]:
+    """The numbers of summary.json."""
+    lattice = operator.dynamics.lattice
+    return {
+        "frequencies_hz": solution.frequencies,
+        "residuals": solution.residuals,
+        "names": [str(mode.name) for mode in named],
+        "groups": [mode.group for mode in named],
+        "degrees_of_freedom": operator.size,
+        "nodes": lattice.nodes,
+        "bars": lattice.bars,
+        "iterations": solution.iterations,
+        "products": operator.applied,
+        "wall_s": wall,
+        "peak_memory_bytes": peak_bytes(),
+    }
 
 
 def linearised(scene: Scene) -> tuple[Scene, list[str]]:
-    """The scene whose modes are computed, and what was changed for it, a line each."""
+    """The linear scene whose modes are computed, and the changes that make it so, a line each."""
     notes: list[str] = []
     changes: dict[str, Any] = {}
     if scene.clamp is not None and scene.clamp.kind == "rings":
         notes.append(
-            "rings that may separate are not linear: taken as bonded (nodes of both faces between "
-            "the circles fixed)"
+            "rings that may separate are not linear: they are taken as bonded (nodes of both faces "
+            "between the circles are fixed)"
         )
         changes["clamp"] = scene.clamp.model_copy(update={"kind": "bonded"})
     if scene.striker is not None:
         notes.append("the striker is left out")
         changes["striker"] = None
     if scene.material.damage:
-        notes.append("bars are elastic, of whole stiffness")
+        notes.append("bars are elastic and have their full stiffness")
         changes["material"] = scene.material.model_copy(update={"damage": False})
     if scene.solver.damping > 0:
         notes.append("damping is left out")
     if scene.solver.precision != "f64":
-        notes.append("computed in f64")
+        notes.append("the computation is in f64")
     changes["solver"] = scene.solver.model_copy(update={"precision": "f64", "damping": 0.0})
     return scene.model_copy(update=changes), notes
 
 
 def build(scene: Scene) -> "tuple[Dynamics, npt.NDArray[np.int32]]":
-    """The lattice's fields and kernels, and its fixed nodes; Taichi must have been started."""
+    """The lattice's fields and kernels, and its fixed nodes. Taichi must have been started."""
     from taichi_ldem.solver.contact import Rings
     from taichi_ldem.solver.simulation import build_dynamics
 
@@ -179,7 +218,7 @@ def name_modes(scene: Scene, dynamics: "Dynamics", solution: "Solution") -> list
 
 
 def reference_radius(scene: Scene) -> float | None:
-    """Radius of the circle that nodal diameters and circles refer to, m; None without one."""
+    """Radius of the circle to which nodal diameters and circles refer, m; None without one."""
     if scene.held and scene.clamp is not None and scene.clamp.inner_diameter is not None:
         return scene.clamp.inner_diameter / 2
     return scene.plate.diameter / 2 if scene.plate.diameter is not None else None
@@ -204,7 +243,7 @@ def write(
     solution: "Solution",
     named: list[Mode],
 ) -> None:
-    """The folder's modes.csv, modes.md, modes.vtkhdf and modes.png."""
+    """Write modes.csv, modes.md and modes.vtkhdf into the folder."""
     lines = ["mode,frequency_hz,residual,kind,nodal_diameters,nodal_circles,group"]
     for mode in named:
         name = mode.name
@@ -221,26 +260,23 @@ def write(
     points = lattice.positions()[0][at]
     shapes = {f"mode_{m.number:02d}": s[0][at] for m, s in zip(named, solution.shapes, strict=True)}
     write_vectors(folder.path / "modes.vtkhdf", points, cells, shapes)
-    planes = [mid_plane(dynamics, shape) for shape in solution.shapes]
-    from taichi_ldem.output.figures.modes import plot_modes
-
-    clamp = scene.clamp if scene.held else None
-    plot_modes(folder.path / "modes.png", named, planes, _circles(clamp))
 
 
-def _circles(clamp: Clamp | None) -> list[float]:
-    if clamp is None:
+def circles(scene: Scene) -> list[float]:
+    """Radii of the circles between or within which a scene's clamp holds the plate, m."""
+    clamp = scene.clamp
+    if clamp is None or not scene.held:
         return []
     diameters = [clamp.inner_diameter, clamp.outer_diameter if clamp.kind != "rim" else None]
     return [d / 2 for d in diameters if d is not None]
 
 
 def table(scene: Scene, named: list[Mode]) -> str:
-    """The modes as a Markdown table, a row for each group, beside thin-plate theory.
+    """The modes as a Markdown table, a row for each group, with thin-plate theory where it applies.
 
-    Where the clamp is the paper's, beside its Table 2 too.
+    Where plate and clamp are the paper's, its Table 2 is added.
     """
-    theory, paper = _has_theory(scene), is_papers(scene)
+    theory, paper = scene.held, is_papers(scene)
     heads = ["mode", "name", "frequency [kHz]", "residual"]
     heads += ["thin plate [kHz]"] if theory else []
     heads += ["paper's LDEM [kHz]", "paper's Rayleigh-Ritz [kHz]"] if paper else []
@@ -257,20 +293,16 @@ def table(scene: Scene, named: list[Mode]) -> str:
         if theory:
             cells.append(f"{1e-3 * thin_plate(scene, name):.3f}" if name.kind == "plate" else "")
         if paper:
-            said = PAPER.get((name.diameters, name.circles)) if name.kind == "plate" else None  # type: ignore[arg-type]
-            cells += ["", ""] if said is None else [f"{1e-3 * value:.2f}" for value in said]
+            printed = PAPER.get((name.diameters, name.circles)) if name.kind == "plate" else None  # type: ignore[arg-type]
+            cells += ["", ""] if printed is None else [f"{1e-3 * f:.2f}" for f in printed]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 
 def _values(numbers: list[float]) -> str:
-    """Different numbers of a group: one for a degenerate one."""
+    """The frequencies of a group, without repetitions: one number for a degenerate group."""
     texts = list(dict.fromkeys(f"{number:.3f}" for number in numbers))
     return ", ".join(texts) if len(texts) <= 2 else f"{texts[0]} to {texts[-1]}"
-
-
-def _has_theory(scene: Scene) -> bool:
-    return scene.held
 
 
 def thin_plate(scene: Scene, name: Name) -> float:

@@ -1,42 +1,38 @@
 """From a scene to a run folder: what every scenario that steps in time has in common.
 
-A scenario adds its numbers (``summary``) to those of the run; files, progress, warnings, guard and
-pictures are the same for all.
+A scenario adds its numbers (``summary``) to those of the run. Files, progress, warnings and the
+guard are the same for all of them; figures are drawn by a function that the caller hands in.
 
-A run can be cut off at any moment and resumed: checkpoints are taken between two steps, on the
+A run can be stopped at any moment and resumed. Checkpoints are written between two steps: on the
 scene's interval of wall time, on SIGINT and SIGTERM, and at the end.
 """
 
-import contextlib
 import itertools
-import json
 import signal
 import sys
-import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from taichi_ldem.errors import SceneError
-from taichi_ldem.scenarios.describe import implied, warnings
+from taichi_ldem.errors import ExitCode, SceneError, SimulationStopped, TooManyNodes
+from taichi_ldem.scenarios.drawing import Draw
+from taichi_ldem.scenarios.field_output import FieldOutput
+from taichi_ldem.scenarios.interrupts import Interrupts, Signalled
+from taichi_ldem.scenarios.progress import announce, make_console, progress
+from taichi_ldem.scenarios.registry import entry_of
 from taichi_ldem.scene import Scene, load_scene, parse_scene, scene_to_toml
 from taichi_ldem.solver import backend
 from taichi_ldem.solver.memory import peak_bytes, refuse_too_large
 from taichi_ldem.storage.provenance import changed_machine, provenance
-from taichi_ldem.storage.store import FieldWriter, HistoryWriter, RunFolder, hexahedral_mesh
+from taichi_ldem.storage.store import HistoryWriter, RunFolder
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Sample, Simulation
     from taichi_ldem.storage.checkpoint import Checkpoint
-
-STOPPED, UNWRITABLE, INTERRUPTED, TERMINATED = 3, 4, 130, 143
-LINES = 20
-"""Progress lines that a run prints where there is no terminal."""
 
 
 def columns(scene: Scene) -> list[str]:
@@ -96,100 +92,28 @@ def row(sample: "Sample") -> dict[str, float | int | None]:
 
 
 def _plain(value: float | int | None) -> float | int | None:
-    """The value; 0 for the negative zero of a force that is turned round."""
+    """The value; 0.0 for a negative zero, which comes from a change of sign."""
     return 0.0 if isinstance(value, float) and value == 0 else value
-
-
-def _newtons(force: float) -> str:
-    """A force to a tenth, without the sign of a zero."""
-    return f"{round(force, 1) + 0.0:7.1f}"
-
-
-class FieldOutput:
-    """Writes fields at the first sample that reaches each of the scene's times, and broken bars.
-
-    Broken bars are kept until the next fields or the next checkpoint: a file that is not open
-    between two writes is dear to open at every sample.
-
-    Args:
-        resumed: go on with the fields of an earlier process.
-    """
-
-    def __init__(
-        self, folder: RunFolder, simulation: "Simulation", resumed: "Checkpoint | None" = None
-    ):
-        self.simulation = simulation
-        lattice = simulation.dynamics.lattice
-        points, cells, sites = hexahedral_mesh(lattice.mask, lattice.spacing, lattice.origin)
-        self.at = tuple((sites + 1).T)
-        points = lattice.positions()[0][self.at]
-        self.module = lattice.mask
-        scene = simulation.scene
-        self.due = list(scene.field_times)
-        self.damage = scene.material.damage
-        self.broken, self.written = 0, (0, 0)
-        self.pending: list[tuple[Any, Any, Any]] = []
-        if resumed is not None:
-            self.written = (resumed.field_steps, resumed.broken_bars)
-            if resumed.history:
-                self.broken = resumed.history[-1]["broken_bars"]
-                self._forget_until(resumed.history[-1]["time_s"])
-        told = {key: _text(value) for key, value in provenance(scene).items()}
-        old = None if resumed is None else self.written
-        self.writer = FieldWriter(folder.fields_file, points, cells, old, told)
-
-    @property
-    def bytes_per_time(self) -> int:
-        """Uncompressed size of the fields at one time, bytes."""
-        return 4 * (6 * len(self.at[0]) + int(self.module.sum()))
-
-    def take(self, sample: "Sample") -> None:
-        """Write what is due at a sample; the step after it has been taken already."""
-        if self.damage and sample.broken_bars > self.broken:
-            sites, bars = self.simulation.dynamics.new_broken()
-            place = self.simulation.dynamics.lattice.bar_midpoints(sites, bars)
-            self.pending.append((np.full(len(bars), sample.time), place, bars))
-            self.broken = sample.broken_bars
-        if self._forget_until(sample.time):
-            self.write(sample.time)
-
-    def _forget_until(self, time_s: float) -> bool:
-        """Drop the times that a sample has reached; whether there were any."""
-        before = len(self.due)
-        slack = 0.5 * self.simulation.time_step
-        self.due = [t for t in self.due if t > time_s + slack]
-        return len(self.due) < before
-
-    def flush(self) -> None:
-        """Write the broken bars that wait."""
-        if self.pending:
-            times, places, bars = (np.concatenate(part) for part in zip(*self.pending, strict=True))
-            self.writer.append_broken(times, places, bars)
-            self.written = (self.written[0], self.written[1] + len(bars))
-            self.pending = []
-
-    def write(self, at: float) -> None:
-        """Write the fields of the last sampled step."""
-        self.flush()
-        s = self.simulation
-        displacement = s.displacement_before()[0][self.at]
-        velocity = s.dynamics.get_velocity()[0][self.at]
-        fraction = np.zeros(int(self.module.sum()))
-        if self.damage:
-            fraction = s.broken_fraction()[self.module]
-        self.writer.append(at, displacement, velocity, fraction)
-        self.written = (self.written[0] + 1, self.written[1])
-
-
-def _text(value: Any) -> str:
-    return value if isinstance(value, str) else json.dumps(value)
 
 
 History = list[dict[str, Any]]
 """Rows of the history: its columns' names and values, and ``energy_error_of_plate``."""
 
-Summary = Callable[["Simulation", History], dict[str, Any]]
+Summary = Callable[["Simulation", History, RunFolder], dict[str, Any]]
 """A scenario's own numbers of a finished run, for ``summary.json``."""
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """What a run does that its scene does not describe. Such a run has no checkpoints.
+
+    Attributes:
+        prepare: changes the simulation before its first step.
+        observe: is called with every sample, just after the sampled step has been completed.
+    """
+
+    prepare: "Callable[[Simulation], None] | None" = None
+    observe: "Callable[[Simulation, Sample], None] | None" = None
 
 
 def run(
@@ -199,89 +123,96 @@ def run(
     *,
     force: bool = False,
     quiet: bool = False,
-    prepare: Callable[["Simulation"], None] | None = None,
-    observe: Callable[["Simulation", "Sample"], None] | None = None,
+    draw: Draw | None = None,
+    instrument: Instrument | None = None,
 ) -> int:
-    """Run a scene into a folder, with figures and snapshots.
+    """Run a scene into a folder.
 
     Args:
-        prepare: changes the simulation before its first step, in a way that no scene describes.
-        observe: looks at the simulation at every sample, just after that step was taken. With one
-            of the two a run has no checkpoints: what it knows beyond them would be lost.
+        force: replace the run that the folder holds.
+        quiet: print nothing on success.
+        draw: draws figures and pictures at the end; None: no figures.
+        instrument: its state is in no checkpoint, so a run with one takes none.
 
     Returns:
-        0; 3 where the guard stopped the run; 4 where a file could no longer be written; 130 after
-        Ctrl-C and 143 after SIGTERM. What was computed until then is kept, ``resume`` goes on from
-        the last checkpoint, and only a finished run has a summary.json.
+        DONE, STOPPED (by the guard), UNWRITABLE, INTERRUPTED (Ctrl-C) or TERMINATED (SIGTERM) of
+        ``ExitCode``. What has been computed is kept, ``resume`` continues from the last checkpoint,
+        and only a finished run has a summary.json.
 
     Raises:
         SceneError: the scene or the folder is refused; nothing has been written then.
     """
-    console = _console(quiet)
+    console = make_console(quiet)
     RunFolder.check(out, force=force)
     started = time.perf_counter()
     simulation = _build(scene)
-    if prepare is not None:
-        prepare(simulation)
+    if instrument is not None and instrument.prepare is not None:
+        instrument.prepare(simulation)
     expected = simulation.measure_step() * simulation.steps
     compiled = time.perf_counter() - started
     with RunFolder.held(out):
         folder = RunFolder.create(out, force=force)
         folder.write_scene(scene_to_toml(scene))
         folder.write_provenance(provenance(scene))
-        work = _Work(folder, simulation)
-        if prepare is not None or observe is not None:
-            work.interval, work.checkpoints = 0.0, None
-        work.observe = observe
-        _announce(console, simulation, expected, work.fields)
-        return _work_off(console, work, summary, compiled)
+        recorder = Recorder(folder, simulation, instrument=instrument)
+        announce(console, simulation, expected, recorder.fields.bytes_per_frame)
+        return _complete(console, recorder, summary, compiled, draw)
 
 
-def resume(out: Path, summary: Summary, *, extend: float = 0.0, quiet: bool = False) -> int:
-    """Go on with a run from its last good checkpoint; returns what ``run`` does.
+def resume(
+    out: Path,
+    summary: Summary,
+    *,
+    extend: float = 0.0,
+    quiet: bool = False,
+    draw: Draw | None = None,
+) -> int:
+    """Resume a run from its last good checkpoint; returns what ``run`` does.
 
     Args:
-        extend: seconds of simulation to run on past the scene's end.
+        extend: simulated time to add after the scene's end, s.
 
     Raises:
         SceneError: there is no run, or no checkpoint of it that can be used.
     """
     from taichi_ldem.storage.checkpoint import Checkpoints
 
-    console = _console(quiet)
+    console = make_console(quiet)
     folder = RunFolder(out)
     scene = load_scene(folder.scene_file)
     if folder.summary_file.is_file() and not extend:
         console.print(f"{out} holds a finished run; --extend SECONDS runs on past its end")
-        return 0
+        return ExitCode.DONE
     if extend:
         scene = _extended(scene, extend)
     with RunFolder.held(out):
         found = Checkpoints(out).usable(scene)
         latest = next(found, None)
-        if latest is None:  # told before Taichi is started
+        if latest is None:  # refused before Taichi is started
             raise SceneError(f"'{out}' has no checkpoint that can be resumed; run its scene again")
         started = time.perf_counter()
         simulation = _build(scene)
-        work = _restored(folder, simulation, itertools.chain([latest], found))
+        recorder = _restored(folder, simulation, itertools.chain([latest], found))
         if extend:
             folder.summary_file.unlink(missing_ok=True)  # first: the run is no longer finished
             folder.write_scene(scene_to_toml(scene))
-        told = provenance(scene)
-        changed = changed_machine((folder.processes() or [None])[-1], told)
-        if changed is not None:
-            print(
-                f"warning: the run was begun elsewhere ({changed}): it goes on, but not as to the "
-                "last bit it would have there",
-                file=sys.stderr,
-            )
-        folder.write_provenance(told | {"resumed_at_s": simulation.time})
+        _note_origin(folder, simulation)
         console.print(f"resumed at t = {simulation.time:.6g} s, step {simulation.step_number}")
-        return _work_off(console, work, summary, time.perf_counter() - started)
+        compiled = time.perf_counter() - started
+        return _complete(console, recorder, summary, compiled, draw)
 
 
-def _console(quiet: bool) -> Console:
-    return Console(quiet=quiet, highlight=False, markup=False, soft_wrap=True)
+def _note_origin(folder: RunFolder, simulation: "Simulation") -> None:
+    """Record where a run is resumed, with a warning where another machine began it."""
+    here = provenance(simulation.scene)
+    changed = changed_machine((folder.processes() or [None])[-1], here)
+    if changed is not None:
+        print(
+            f"warning: the run was begun elsewhere ({changed}): it continues, but its last bits "
+            "may differ from those it would have there",
+            file=sys.stderr,
+        )
+    folder.write_provenance(here | {"resumed_at_s": simulation.time})
 
 
 def _build(scene: Scene) -> "Simulation":
@@ -295,7 +226,11 @@ def _build(scene: Scene) -> "Simulation":
 
 
 def _extended(scene: Scene, by: float) -> Scene:
-    """The scene with a later end; SceneError where that is none."""
+    """The scene with a later end.
+
+    Raises:
+        SceneError: the time to add is not a positive number.
+    """
     data = scene.model_dump(by_alias=True, exclude_none=True)
     data["solver"]["duration"] += by
     if not by > 0:
@@ -305,8 +240,12 @@ def _extended(scene: Scene, by: float) -> Scene:
 
 def _restored(
     folder: RunFolder, simulation: "Simulation", found: "Iterable[tuple[str, Checkpoint]]"
-) -> "_Work":
-    """The work of the latest checkpoint that fits; SceneError where none does."""
+) -> "Recorder":
+    """The recorder of a run put back to its latest checkpoint that fits.
+
+    Raises:
+        SceneError: none of the checkpoints fits.
+    """
     for name, checkpoint in found:
         try:
             simulation.restore_state(checkpoint.state)
@@ -314,24 +253,22 @@ def _restored(
                 raise SceneError(
                     f"lies behind solver.duration = {simulation.scene.solver.duration}"
                 )
-            return _Work(folder, simulation, checkpoint, name)
+            return Recorder(folder, simulation, checkpoint, name)
         except ValueError as error:  # a SceneError of the fields' file is one, too
             print(f"refused: {folder.path / name}: {error}", file=sys.stderr)
     raise SceneError(f"'{folder.path}' has no checkpoint that can be resumed; run its scene again")
 
 
-class _Signalled(Exception):
-    """SIGINT or SIGTERM came; ``args[0]`` is its number."""
-
-
-class _Work:
-    """A simulation, its files, and when they are written.
+class Recorder:
+    """Writes a simulation's history, fields and checkpoints.
 
     Args:
-        resumed: the checkpoint that the simulation has been restored from; name: its file.
+        resumed: the checkpoint that the simulation has been restored from.
+        name: the file name of that checkpoint.
 
     Attributes:
-        history: the rows so far. wall: seconds of stepping by earlier processes.
+        history: the rows so far.
+        stepped_before: time that earlier processes spent on stepping, s.
     """
 
     def __init__(
@@ -340,18 +277,19 @@ class _Work:
         simulation: "Simulation",
         resumed: "Checkpoint | None" = None,
         name: str | None = None,
+        instrument: Instrument | None = None,
     ):
         self.folder, self.simulation = folder, simulation
         self.names = columns(simulation.scene)
         self.history: History = [] if resumed is None else [dict(row) for row in resumed.history]
-        self.wall = 0.0 if resumed is None else resumed.wall
+        self.stepped_before = 0.0 if resumed is None else resumed.wall
         self.fields = FieldOutput(folder, simulation, resumed)
         rows = [[row[name] for name in self.names] for row in self.history]
         self.writer = HistoryWriter(folder.history_file, self.names, rows)
-        self.interval = simulation.scene.output.checkpoint_interval
+        self.observe = None if instrument is None else instrument.observe
+        self.interval = 0.0 if instrument else simulation.scene.output.checkpoint_interval
         self.begun = self.saved = time.monotonic()
-        self.signal: int | None = None
-        self.observe: Callable[[Simulation, Sample], None] | None = None
+        self.interrupts = Interrupts()
         self.checkpoints = None
         if self.interval:
             from taichi_ldem.storage.checkpoint import Checkpoints
@@ -367,19 +305,18 @@ class _Work:
         if self.observe is not None:
             self.observe(self.simulation, sample)
 
-    def between(self) -> None:
-        """Between two steps: stop on a signal, take a checkpoint when it is due."""
-        if self.signal is not None:
-            raise _Signalled(self.signal)
+    def between_steps(self) -> None:
+        """Stop on a signal (``Signalled``), and write a checkpoint where one is due."""
+        self.interrupts.answer()
         if self.interval and time.monotonic() - self.saved >= self.interval:
             self.save()
 
-    def stepped(self) -> float:
-        """Seconds of stepping so far, those of earlier processes too."""
-        return self.wall + time.monotonic() - self.begun
+    def stepping_time(self) -> float:
+        """Time spent on stepping so far, earlier processes included, s."""
+        return self.stepped_before + time.monotonic() - self.begun
 
     def save(self) -> None:
-        """Put everything on the disk, the checkpoint last: it tells how much there is."""
+        """Put everything on the disk, the checkpoint last: it records how much there is."""
         self.fields.flush()
         if self.checkpoints is None:
             return
@@ -387,131 +324,65 @@ class _Work:
 
         self.writer.sync()
         s = self.simulation
-        state = s.saved_state()
+        seconds, written = self.stepping_time(), self.fields.written
         self.checkpoints.write(
-            Checkpoint(s.scene, state, self.history, s.time, self.stepped(), *self.fields.written)
+            Checkpoint(s.scene, s.saved_state(), self.history, s.time, seconds, *written)
         )
         self.saved = time.monotonic()
 
-    @contextlib.contextmanager
-    def listening(self) -> Iterator[None]:
-        """Note SIGINT and SIGTERM for ``between``; a second SIGINT interrupts at once."""
 
-        def note(number: int, _frame: Any) -> None:
-            self.signal = number
-            signal.signal(signal.SIGINT, signal.default_int_handler)
-
-        if threading.current_thread() is not threading.main_thread():
-            yield
-            return
-        old = {n: signal.signal(n, note) for n in (signal.SIGINT, signal.SIGTERM)}
-        try:
-            yield
-        finally:
-            for number, handler in old.items():
-                signal.signal(number, handler)
-
-
-def _work_off(console: Console, work: _Work, summary: Summary, compiled: float) -> int:
-    """Step to the end, whatever comes between, and tell how it went; the exit code."""
-    folder = work.folder
-    code = 0
+def _complete(
+    console: Console, recorder: Recorder, summary: Summary, compiled: float, draw: Draw | None
+) -> int:
+    """Step to the end, write the summary, draw, and report how the run ended; the exit code."""
+    folder = recorder.folder
+    code = ExitCode.DONE
     try:
-        with work.writer:
-            code = _step_or_stop(console, work)
-        wall = work.stepped()
-        if code == 0:
-            _finish(work, summary, wall, compiled)
-        scene = work.simulation.scene
-        if code != TERMINATED:
-            _pictures(console, folder, scene, code)
+        with recorder.writer:
+            code = _step_or_stop(console, recorder)
+        seconds = recorder.stepping_time()
+        if code == ExitCode.DONE:
+            _write_summary(recorder, summary, seconds, compiled)
+        if code != ExitCode.TERMINATED and draw is not None:
+            whole = code != ExitCode.INTERRUPTED
+            pictures = whole and entry_of(recorder.simulation.scene).pictures
+            for file in draw(folder, pictures=pictures):
+                console.print(f"wrote {file}")
     except OSError as error:
-        _tell_unwritable(work, error)
-        return UNWRITABLE
-    console.print(f"{wall:.1f} s of stepping, {compiled:.1f} s of setup; results in {folder.path}")
-    return code
-
-
-def _step_or_stop(console: Console, work: _Work) -> int:
-    from taichi_ldem.errors import SimulationStopped, TooManyNodes
-
-    try:
-        with work.listening():
-            try:
-                _step_through(console, work)
-            except _Signalled as error:
-                work.save()
-                return _tell_signal(work, int(error.args[0]))
-            work.save()
-    except KeyboardInterrupt:
-        return _tell_signal(work, signal.SIGINT)
-    except (SimulationStopped, TooManyNodes) as error:
-        work.fields.flush()
-        print(f"stopped: {error}", file=sys.stderr)
-        return STOPPED
-    return 0
-
-
-def _tell_signal(work: _Work, number: int) -> int:
-    word, code = ("interrupted", INTERRUPTED)
-    if number == signal.SIGTERM:
-        word, code = ("terminated", TERMINATED)
-    kept = work.folder.path
-    line = f"{word} at t = {work.simulation.time:.6g} s; kept in {kept}"
-    if work.checkpoints is not None:
-        line += f"; `ldem resume {kept}` goes on"
-    print(line, file=sys.stderr)
-    return code
-
-
-def _tell_unwritable(work: _Work, error: OSError) -> None:
-    from taichi_ldem.storage.checkpoint import LATEST, PREVIOUS
-
-    path = work.folder.path
-    line = f"error: {error}; stopped at t = {work.simulation.time:.6g} s"
-    if (path / LATEST).is_file() or (path / PREVIOUS).is_file():
-        line += f"; make room, then `ldem resume {path}` goes on from the last checkpoint"
-    else:
-        line += "; there is no checkpoint to go on from"
-    print(line, file=sys.stderr)
-
-
-def _finish(work: _Work, summary: Summary, wall: float, compiled: float) -> None:
-    """Write the numbers of a finished run."""
-    scene, history = work.simulation.scene, work.history
-    if scene.striker is not None and not any(r["striker_force_n"] for r in history):
-        print("warning: the striker never touched the plate (striker.gap?)", file=sys.stderr)
-    numbers = summary(work.simulation, history)
-    numbers |= cost(work.simulation, history, wall, compiled)
-    work.folder.write_summary(numbers | {"provenance": provenance(scene)})
-
-
-def _announce(
-    console: Console, simulation: "Simulation", expected: float, fields: FieldOutput
-) -> None:
-    scene = simulation.scene
-    lattice = simulation.dynamics.lattice
-    for name, value in implied(scene).items():
-        console.print(f"{name:36s}{value}")
-    for line in warnings(scene, simulation.steps):
-        console.print(f"note: {line}")
-    samples = simulation.steps // simulation.sample_every + 1
-    disk = 250 * samples + fields.bytes_per_time * len(scene.field_times)
+        _report_unwritable(recorder, error)
+        return ExitCode.UNWRITABLE
     console.print(
-        f"{lattice.bars:,} bars, {lattice.nodes:,} nodes; {simulation.steps:,} steps of "
-        f"{simulation.time_step:.4g} s (critical {simulation.critical_time_step:.4g} s); about "
-        f"{expected:.0f} s to compute, {disk / 1e6:.0f} MB on disk at most"
+        f"{seconds:.1f} s of stepping, {compiled:.1f} s of setup; results in {folder.path}"
     )
+    return code
 
 
-def _step_through(console: Console, work: _Work) -> None:
+def _step_or_stop(console: Console, recorder: Recorder) -> ExitCode:
+    try:
+        with recorder.interrupts.noted():
+            try:
+                _step_through(console, recorder)
+            except Signalled as signalled:
+                recorder.save()
+                return _report_signal(recorder, signalled.number)
+            recorder.save()
+    except KeyboardInterrupt:
+        return _report_signal(recorder, signal.SIGINT)
+    except (SimulationStopped, TooManyNodes) as error:
+        recorder.fields.flush()
+        print(f"stopped: {error}", file=sys.stderr)
+        return ExitCode.STOPPED
+    return ExitCode.DONE
+
+
+def _step_through(console: Console, recorder: Recorder) -> None:
     from taichi_ldem.solver.simulation import WARN_ERROR
 
     warned = False
-    with _progress(console, work.simulation) as tell:
-        for sample in work.simulation.samples(work.between):
-            work.add(sample)
-            tell(sample)
+    with progress(console, recorder.simulation) as show:
+        for sample in recorder.simulation.samples(recorder.between_steps):
+            recorder.add(sample)
+            show(sample)
             worst = max(sample.energy_error, sample.energy_error_of_plate)
             if worst > WARN_ERROR and not warned:
                 warned = True
@@ -519,42 +390,49 @@ def _step_through(console: Console, work: _Work) -> None:
                 print(f"{text} at t = {sample.time:.6g} s; see solver.safety", file=sys.stderr)
 
 
-@contextlib.contextmanager
-def _progress(console: Console, simulation: "Simulation") -> Iterator[Any]:
-    """A function that tells about a sample: a bar on a terminal, plain lines elsewhere."""
-    end = simulation.scene.solver.duration
-    begun, first = time.perf_counter(), simulation.step_number
+def _report_signal(recorder: Recorder, number: int) -> ExitCode:
+    word, code = "interrupted", ExitCode.INTERRUPTED
+    if number == signal.SIGTERM:
+        word, code = "terminated", ExitCode.TERMINATED
+    kept = recorder.folder.path
+    line = f"{word} at t = {recorder.simulation.time:.6g} s; kept in {kept}"
+    if recorder.checkpoints is not None:
+        line += f"; `ldem resume {kept}` goes on"
+    print(line, file=sys.stderr)
+    return code
 
-    def text(sample: "Sample") -> str:
-        given = sample.striker_force if sample.grip_force is None else sample.grip_force
-        force = "" if given is None else f"  F {_newtons(given)} N"
-        return (
-            f"t {1e3 * sample.time:8.4f} ms  step {sample.step:7d}{force}  "
-            f"broken {sample.broken_bars:7d}  energy error {sample.energy_error:.1e}"
-        )
 
-    if console.is_terminal and not console.quiet:
-        with Progress(
-            TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn(), console=console
-        ) as bar:
-            task = bar.add_task("", total=end)
-            yield lambda sample: bar.update(task, completed=sample.time, description=text(sample))
-        return
-    every = max(1, simulation.steps // simulation.sample_every // LINES)
+def _report_unwritable(recorder: Recorder, error: OSError) -> None:
+    from taichi_ldem.storage.checkpoint import LATEST, PREVIOUS
 
-    def tell(sample: "Sample") -> None:
-        if sample.step // simulation.sample_every % every == 0 or sample.step == simulation.steps:
-            gone = time.perf_counter() - begun
-            left = gone * (simulation.steps - sample.step) / max(sample.step - first, 1)
-            console.print(f"{text(sample)}  ETA {left:.0f} s" if sample.step else text(sample))
+    path = recorder.folder.path
+    line = f"error: {error}; stopped at t = {recorder.simulation.time:.6g} s"
+    if (path / LATEST).is_file() or (path / PREVIOUS).is_file():
+        line += f"; make room, then `ldem resume {path}` goes on from the last checkpoint"
+    else:
+        line += "; there is no checkpoint to go on from"
+    print(line, file=sys.stderr)
 
-    yield tell
+
+def _write_summary(recorder: Recorder, summary: Summary, seconds: float, compiled: float) -> None:
+    """Write the numbers of a finished run."""
+    scene, history = recorder.simulation.scene, recorder.history
+    if scene.striker is not None and not any(r["striker_force_n"] for r in history):
+        print("warning: the striker never touched the plate (striker.gap?)", file=sys.stderr)
+    numbers = summary(recorder.simulation, history, recorder.folder)
+    numbers |= cost(recorder.simulation, history, seconds, compiled)
+    recorder.folder.write_summary(numbers | {"provenance": provenance(scene)})
 
 
 def cost(
     simulation: "Simulation", history: History, wall: float, compiled: float
 ) -> dict[str, Any]:
-    """The numbers of any finished run: balance, steps and time."""
+    """The numbers of every finished run: energy balance, steps and time.
+
+    Args:
+        wall: time spent on stepping, s.
+        compiled: time spent on building and compiling before, s.
+    """
     lattice, last = simulation.dynamics.lattice, history[-1]
     return {
         "fracture_j": last["fracture_j"],
@@ -572,15 +450,3 @@ def cost(
         "bars_per_s": lattice.bars * simulation.steps / wall,
         "peak_memory_bytes": peak_bytes(),
     }
-
-
-def _pictures(console: Console, folder: RunFolder, scene: Scene, code: int) -> None:
-    from taichi_ldem.output.figures.run import plot_run
-
-    figures = plot_run(folder)
-    if code != INTERRUPTED and scene.pulse is None:  # a pulse is too small to be seen
-        from taichi_ldem.output.render.snapshots import render_run
-
-        figures += render_run(folder, None)
-    for figure in figures:
-        console.print(f"wrote {figure}")

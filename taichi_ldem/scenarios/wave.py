@@ -1,11 +1,11 @@
-"""A pulse through a bar or a plate: arrival and dispersion beside the lattice's exact waves.
+"""A pulse through a bar or a plate: arrival and dispersion against the lattice's exact waves.
 
-The pulse is a sum of waves that the lattice carries exactly (``waves``), each set in motion towards
-larger coordinates: at t = 0 as displacement and velocity, afterwards as the answer that the run is
-held to. Plane waves (longitudinal, shear) cover the whole section and are read on its axis until
-news from the free sides can arrive there; the free ends reflect them as mirrors do. The waves of a
-bar are those of its section with free sides, read as a mean over the section before the far end
-answers.
+The pulse is a sum of exact waves of the lattice (``model.waves``) that travel towards larger
+coordinates. At t = 0 the sum gives displacement and velocity, afterwards the solution with which
+the run is compared. Plane waves (longitudinal, shear) cover the whole section and are read on its
+axis until waves from the free sides can arrive there; the free ends reflect them as mirrors do. The
+waves of a bar are those of its section with free sides. They are read as a mean over the section
+until the reflection from the far end arrives.
 """
 
 import math
@@ -23,8 +23,10 @@ from taichi_ldem.model import waves
 from taichi_ldem.model.lattice import Lattice, prism
 from taichi_ldem.model.material import elastic_constants
 from taichi_ldem.scenarios import runner
+from taichi_ldem.scenarios.drawing import Draw
+from taichi_ldem.scenarios.runner import History, Instrument
 from taichi_ldem.scene import Pulse, Scene
-from taichi_ldem.storage.store import HistoryWriter
+from taichi_ldem.storage.store import HistoryWriter, RunFolder
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Sample, Simulation
@@ -33,20 +35,26 @@ Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
 WAVELENGTHS = (80, 60, 40, 30, 24, 20, 16, 12, 10, 8, 7, 6, 5, 4)
-"""In module edges: where the dispersion is read, as far as the pulse has them."""
+"""Wavelengths, in module edges, at which the dispersion is read if the pulse contains them."""
 TAIL = 4.5
-"""Deviations of the Gaussian after which the pulse counts as gone."""
+"""Distance from the Gaussian's middle beyond which the pulse counts as zero, in deviations."""
 HEAD = 3.5
-"""Deviations of the Gaussian, 0.2 % of its height, from its middle to the first probe."""
+"""Least distance of the first probe from the Gaussian's middle, in deviations.
+
+There the Gaussian has 0.2 % of its height.
+"""
 WEAKEST = 0.05
 """Amplitude over the spectrum's largest below which a wavelength is not read."""
 LEFT = 0.03
 """Share of the second probe's largest displacement that may be left when reading ends."""
 PROFILES = 5
+"""Number of times at which the displacement along the axis is written."""
 
 
-def run(scene: Scene, out: Path, *, force: bool = False, quiet: bool = False) -> int:
-    """Run a pulse into a folder; exit codes and errors are ``runner.run``'s.
+def run(
+    scene: Scene, out: Path, *, force: bool = False, quiet: bool = False, draw: Draw | None = None
+) -> int:
+    """Run a pulse into a folder; arguments, exit codes and errors are ``runner.run``'s.
 
     Raises:
         SceneError: also for a prism too narrow for the pulse to pass the probes undisturbed.
@@ -55,35 +63,36 @@ def run(scene: Scene, out: Path, *, force: bool = False, quiet: bool = False) ->
     packet.check()
     probes = Probes(packet)
 
-    def summary(simulation: "Simulation", _: runner.History) -> dict[str, Any]:
-        probes.write(out)
+    def summary(simulation: "Simulation", history: History, folder: RunFolder) -> dict[str, Any]:
+        probes.write(folder.path)
         return probes.summary()
 
+    instrument = Instrument(probes.prepare, probes.take)
     return runner.run(
-        scene, out, summary, force=force, quiet=quiet, prepare=probes.prepare, observe=probes.take
+        scene, out, summary, force=force, quiet=quiet, draw=draw, instrument=instrument
     )
 
 
 @dataclass(frozen=True)
 class Packet:
-    """The waves that a scene's pulse is made of, u = Re sum a shape exp(i (k x - omega t))."""
+    """The waves of a scene's pulse, u = Re sum a shape exp(i (k x - omega t)), M of them."""
 
     scene: Scene
 
     @property
     def pulse(self) -> Pulse:
-        """The scene's table."""
+        """The table of the pulse."""
         assert self.scene.pulse is not None  # the scene refuses scenario "wave" without it
         return self.scene.pulse
 
     @property
     def axis(self) -> int:
-        """Of travel: 0, 1, 2."""
+        """Axis of travel: 0, 1 or 2."""
         return "xyz".index(self.pulse.axis)
 
     @property
-    def moved(self) -> int:
-        """Axis of the displacement."""
+    def polarisation(self) -> int:
+        """Axis along which the pulse displaces nodes: 0, 1 or 2."""
         return (self.axis + (self.pulse.kind == "shear")) % 3
 
     @property
@@ -99,14 +108,17 @@ class Packet:
 
     @cached_property
     def wave_numbers(self) -> Array:
-        """(M,) of a period of twice the specimen's length, up to five over the deviation, 1/m."""
+        """(M,) wave numbers, 1/m.
+
+        Their period is twice the specimen's length; they go up to five over the deviation.
+        """
         base = math.pi / (self.ends[1] - self.ends[0])
         largest = min(5 / self.deviation, 2 * math.pi / self.scene.plate.spacing)
         return np.asarray(base * np.arange(int(largest / base) + 1), dtype=np.float64)
 
     @cached_property
     def amplitudes(self) -> Complex:
-        """(M,) of the Gaussian, m."""
+        """(M,) amplitudes of the Gaussian, m."""
         k, w = self.wave_numbers, self.deviation
         peak = self.pulse.amplitude * w * math.exp(0.5)  # the strain is largest at one deviation
         share = np.where(k > 0, 2.0, 1.0) * w * math.sqrt(2 * math.pi)
@@ -134,24 +146,24 @@ class Packet:
         # (M,) frequencies and (M, n, 3) shapes; n = 1 for plane waves
         k, direction = self.wave_numbers, np.eye(3)[self.axis]
         if self.pulse.kind != "bar":
-            omega, _ = self.medium.branch(k[1:, None] * direction, np.eye(3)[self.moved])
-            shape = np.broadcast_to(np.eye(3)[self.moved], (len(k), 1, 3))
+            omega, _ = self.medium.branch(k[1:, None] * direction, np.eye(3)[self.polarisation])
+            shape = np.broadcast_to(np.eye(3)[self.polarisation], (len(k), 1, 3))
             return np.concatenate([[0.0], omega]), shape.astype(complex)
         omega, shape = self.guide.longitudinal(k[1:])
         still = np.broadcast_to(direction, (1, *shape.shape[1:]))
         return np.concatenate([[0.0], omega]), np.concatenate([still, shape])
 
     @cached_property
-    def _seen(self) -> Complex:
-        """(M,) amplitudes as the probes see them, m."""
+    def probe_amplitudes(self) -> Complex:
+        """(M,) amplitudes of what the probes read, m."""
         if self.pulse.kind != "bar":
             return self.amplitudes
-        mean = self._modes[1][..., self.moved] @ self.guide.corner_shares
+        mean = self._modes[1][..., self.polarisation] @ self.guide.corner_shares
         return np.asarray(self.amplitudes * mean)
 
     @property
     def frequencies(self) -> Array:
-        """(M,) of continuous time, 1/s."""
+        """(M,) angular frequencies in continuous time, 1/s."""
         return self._modes[0]
 
     def _phases(self, place: Array, time_step: float, time: Array) -> Complex:
@@ -161,16 +173,16 @@ class Packet:
         return np.asarray(np.exp(1j * turn))
 
     def signal(self, place: Array, time_step: float, time: Array) -> Array:
-        """(times, places) exact displacement that the probes see, m."""
+        """(times, places) exact displacement that the probes read, m."""
         waves_there = self._phases(place, time_step, time)
         if self.pulse.kind != "bar":
             waves_there += self._phases(2 * self.ends[1] - place, time_step, time)
-        return np.asarray(np.einsum("m,mtx->tx", self._seen, waves_there).real)
+        return np.asarray(np.einsum("m,mtx->tx", self.probe_amplitudes, waves_there).real)
 
     def state(self, lattice: Lattice, time_step: float) -> tuple[Array, Array]:
         """Displacement (m) and velocity (m/s) at t = 0, (2, *S, 3), corner then centre.
 
-        The velocity is (u(dt) - u(-dt)) / (2 dt), from which the first step goes on exactly.
+        The velocity is (u(dt) - u(-dt)) / (2 dt), with which the first step is exact.
         """
         place = lattice.positions()
         where = np.moveaxis(place[..., self.axis], 3 - self.axis, 3)[:, 0, 0, :]
@@ -195,18 +207,18 @@ class Packet:
         if self.pulse.kind != "bar":
             mirror = self._phases(2 * self.ends[1] - x, time_step, start)[:, 0]
             wave = wave + factor[:, None] * mirror
-            view[..., self.moved] = wave.sum(axis=0).real
+            view[..., self.polarisation] = wave.sum(axis=0).real
             return
         nodes = self.guide.nodes
         corners = np.count_nonzero(nodes[0])
         mine = slice(0, corners) if sublattice == 0 else slice(corners, None)
         view[nodes[sublattice]] = np.einsum("mx,mnc->nxc", wave, self._modes[1][:, mine]).real
 
-    # -- how long the answer holds, and what speeds there are
+    # -- speeds, and how long the exact solution holds
 
     @cached_property
     def reference(self) -> tuple[str, float]:
-        """The continuum's speed of long waves: formula and m/s."""
+        """Speed of long waves in the continuum: its formula and its value, m/s."""
         material, plate = self.scene.material, self.scene.plate
         c11, _, c44 = elastic_constants(
             material.youngs_modulus, material.poisson_ratio, plate.stiffness
@@ -230,30 +242,33 @@ class Packet:
     @property
     def passed(self) -> float:
         """Time at which the pulse has passed the second probe, at the continuum's speed, s."""
-        way = self.pulse.probes[1] - self.pulse.position + TAIL * self.deviation
-        return way / self.reference[1]
+        distance = self.pulse.probes[1] - self.pulse.position + TAIL * self.deviation
+        return distance / self.reference[1]
 
     @property
     def window(self) -> float:
-        """Time until which the probes see the outgoing pulse alone, s."""
-        way = 2 * self.ends[1] - self.pulse.probes[1] - self.pulse.position
-        echo = (way - TAIL * self.deviation) / self.reference[1]
+        """Time until which the probes read the outgoing pulse alone, s."""
+        distance = 2 * self.ends[1] - self.pulse.probes[1] - self.pulse.position
+        echo = (distance - TAIL * self.deviation) / self.reference[1]
         return min(self.scene.solver.duration, echo, self.side_arrival or math.inf)
 
     @property
     def followed(self) -> float:
-        """Time until which the whole axis is known: with the echo for plane waves, without else."""
+        """Time until which the exact solution holds on the whole axis, s.
+
+        Plane waves include their reflection from the far end, those of a bar do not.
+        """
         end = self.scene.solver.duration
         if self.side_arrival is not None:
             return min(end, self.side_arrival)
-        way = self.ends[1] - self.pulse.position - TAIL * self.deviation
-        return min(end, way / self.reference[1])
+        distance = self.ends[1] - self.pulse.position - TAIL * self.deviation
+        return min(end, distance / self.reference[1])
 
     def check(self) -> None:
-        """Refuse a scene in which the pulse does not pass both probes undisturbed.
+        """Check that the pulse passes both probes undisturbed.
 
         Raises:
-            SceneError: one line.
+            SceneError: it does not; the message names the key to change.
         """
         start = self.pulse.position - self.ends[0] - TAIL * self.deviation
         if start < 0:
@@ -285,12 +300,13 @@ class Packet:
 
 
 class Probes:
-    """Reads the planes of corner nodes along the axis at every sample.
+    """Reads the displacement of the planes of corner nodes along the axis at every sample.
 
     Attributes:
         place: (planes,) coordinates, m.
         chosen: planes of the scene's two probes.
-        times: s; seen: (planes,) displacement, m, of every sample so far.
+        times: of the samples so far, s.
+        seen: (planes,) displacement at each of them, m.
     """
 
     def __init__(self, packet: Packet):
@@ -318,8 +334,8 @@ class Probes:
 
     def take(self, simulation: "Simulation", sample: "Sample") -> None:
         """Read one sample."""
-        moved = simulation.displacement_before()[0, ..., self.packet.moved]
-        planes = np.moveaxis(moved, 2 - self.packet.axis, 2)[..., 1:-1]
+        component = simulation.displacement_before()[0, ..., self.packet.polarisation]
+        planes = np.moveaxis(component, 2 - self.packet.axis, 2)[..., 1:-1]
         self.times.append(sample.time)
         self.seen.append(np.einsum("abn,ab->n", planes, self.weights))
 
@@ -343,7 +359,7 @@ class Probes:
     # -- the numbers
 
     def summary(self) -> dict[str, Any]:
-        """Speeds measured and exact; errors are relative, measured over exact less one."""
+        """Measured and exact speeds, m/s; an error is the ratio of measured to exact, minus 1."""
         packet = self.packet
         time = np.array(self.times)
         keep = time <= packet.window * (1 + 1e-9)
@@ -359,7 +375,7 @@ class Probes:
         if not rows or left > LEFT:
             print(
                 f"warning: {100 * left:.1f} % of the pulse's height is still at the second probe "
-                "when reading must end: phase speeds are blurred",
+                "when the reading ends: phase speeds are inaccurate",
                 file=sys.stderr,
             )
         return {
@@ -381,10 +397,10 @@ class Probes:
     def dispersion(
         self, time: Array, seen: Array, exact: Array, distance: float
     ) -> list[dict[str, float]]:
-        """Phase speed between the probes for each wavelength of the pulse, beside the exact one.
+        """Phase speed between the probes for each wavelength of the pulse, measured and exact.
 
-        ``reading_error`` is what the same reading makes of the exact signals: the part of ``error``
-        that comes from the finite time between pulse and echo.
+        ``reading_error`` is the error of the same reading applied to the exact signals: the part of
+        ``error`` that comes from the finite time between pulse and echo.
         """
         from scipy.interpolate import CubicSpline
 
@@ -399,8 +415,8 @@ class Probes:
             long = modules * spacing > 5 * packet.pulse.wavelength
             if weak or long or k > packet.wave_numbers[rising - 1]:
                 continue
-            way = packet.pulse.probes[1] - packet.pulse.position + 2 * packet.deviation
-            if way > float(relation(k, 1)) * packet.window:  # has not passed yet
+            distance_passed = packet.pulse.probes[1] - packet.pulse.position + 2 * packet.deviation
+            if distance_passed > float(relation(k, 1)) * packet.window:  # has not passed yet
                 continue
             turns = [
                 phase_difference(time, signals, float(relation(k)), k * distance)
@@ -422,9 +438,9 @@ class Probes:
 
 
 def delay(time: Array, signals: Array) -> float:
-    """Time by which the second of two signals (times, 2) lags the first, s: cross-correlation.
+    """Time by which the second of two signals (times, 2) lags the first, s.
 
-    Its maximum on the samples is refined by the parabola through three of them.
+    It is the maximum of their cross-correlation, refined by the parabola through three samples.
     """
     score = np.correlate(signals[:, 1], signals[:, 0], "full")
     best = int(np.clip(score.argmax(), 1, len(score) - 2))
@@ -438,7 +454,7 @@ def phase_difference(time: Array, signals: Array, omega: float, near: float) -> 
 
     Args:
         omega: 1/s.
-        near: the multiple of 2 pi is taken that brings the phase nearest to this.
+        near: an estimate of the phase; the result is the nearest to it of those 2 pi apart.
     """
     first, second = signals.T @ np.exp(1j * omega * time)
     phase = float(np.angle(second / first))

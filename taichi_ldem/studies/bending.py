@@ -116,6 +116,17 @@ def series(
     return code
 
 
+def run_series(scene: Scene, out: Path | None, name: str, *, quiet: bool) -> int:
+    """Run the paper's eight beams on a scene's module size; returns the exit code.
+
+    Args:
+        out: where the run folders go; None: outputs/NAME_series.
+    """
+    specimens = [Specimen(*beam, scene.plate.spacing) for beam in SPECIMENS]
+    folder = Path("outputs", f"{name}_series") if out is None else out
+    return series(specimens, scene, folder, ["--quiet"] if quiet else [])
+
+
 def statics(scene: Scene) -> dict[str, float]:
     """Compliance of a scene's beam with and without its notch, on the lattice, m/N."""
     plate, supports, (notch,) = scene.plate, scene.supports, scene.notch

@@ -238,7 +238,7 @@ def exact_wave(scene: Scene, sections: tuple[int, ...] = (3, 4, 6)) -> dict[str,
             math.prod(e / (e - d) for e in edges if e != d) for d in edges
         ]  # of Lagrange's polynomial at zero
         omega = np.asarray(weights) @ rows
-        seen = packets[-1]._seen[:count]
+        seen = packets[-1].probe_amplitudes[:count]
     turn = k[: len(omega), None] * place - omega[:, None] * time_s
     moved = (seen[: len(omega), None] * np.exp(1j * turn)).sum(axis=0).real
     if packets[0].pulse.kind != "bar":

@@ -13,6 +13,7 @@ from support.command import COMMAND, SCENE, WITHOUT_VULKAN, ldem
 
 from taichi_ldem.analysis.cracks import measure_run
 from taichi_ldem.scenarios import runner
+from taichi_ldem.scenarios.progress import newtons
 from taichi_ldem.solver.backend import vulkan_device
 from taichi_ldem.storage.store import RunFolder, read_broken_bars, read_fields
 
@@ -190,8 +191,8 @@ def test_zeros_have_no_sign(finished: RunFolder) -> None:
     zeros = dict.fromkeys((*parts, "support_force", "time", "energy_error"), -0.0)
     values = runner.row(SimpleNamespace(ledger=ledger, broken_bars=0, **zeros))  # type: ignore
     assert {str(value) for value in values.values()} == {"0.0", "0"}
-    assert runner._newtons(-0.04) == "    0.0"
-    assert runner._newtons(-0.06) == "   -0.1"
+    assert newtons(-0.04) == "    0.0"
+    assert newtons(-0.06) == "   -0.1"
 
 
 def test_what_a_scene_leaves_out_is_left_out(scene: Path) -> None:

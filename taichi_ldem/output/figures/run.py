@@ -285,7 +285,7 @@ def _energies(history: Mapping[str, Series]) -> Iterator[tuple[str, Series, str]
 
 
 def _draw_stress_strain(figure: Figure, run: _Run) -> None:
-    from taichi_ldem.scenarios.tension import curve, rows_until_parted
+    from taichi_ldem.analysis.stress_strain import curve, rows_until_parted
 
     axes = figure.add_subplot(xlabel="gauge strain [%]", ylabel="nominal stress [MPa]")
     c = curve(dict(run.history))

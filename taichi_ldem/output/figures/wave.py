@@ -97,7 +97,7 @@ def _branches(scene: Scene, k: Array) -> list[tuple[Array, str, str]]:
     if scene.pulse.kind == "bar":
         return [(packet.guide.longitudinal(k)[0], "C3-", "exact, bar of the lattice")]
     direction = np.eye(3)[packet.axis]
-    omega = packet.medium.branch(k[:, None] * direction, np.eye(3)[packet.moved])[0]
+    omega = packet.medium.branch(k[:, None] * direction, np.eye(3)[packet.polarisation])[0]
     return [(omega, "C3-", "exact, lattice (with the run's time step)")]
 
 

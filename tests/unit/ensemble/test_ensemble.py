@@ -39,7 +39,7 @@ from taichi_ldem.ensemble.plan import (
 from taichi_ldem.ensemble.pools import LocalPool, local_workers
 from taichi_ldem.ensemble.report import report
 from taichi_ldem.ensemble.results import Row, read_rows, statistics, write_statistics, write_table
-from taichi_ldem.ensemble.run import check, run
+from taichi_ldem.ensemble.run import How, check, run
 from taichi_ldem.ensemble.table3 import markdown
 from taichi_ldem.errors import SceneError
 from taichi_ldem.storage.durable import locked
@@ -441,7 +441,7 @@ def test_an_ensemble_that_cannot_write_its_table_ends_its_children(plan, tmp_pat
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("taichi_ldem.ensemble.conduct.Conductor._take", full)
         with pytest.raises(OSError, match="No space left"):
-            run(plan, out, local=3, commands=asked)
+            run(plan, out, How(local=3), commands=asked)
     assert {states(out, name)[0] for name in ("velocity2", "velocity3")} == {"stopped"}
 
 
@@ -646,7 +646,7 @@ def test_command_with_fake_members(plan, tmp_path, fake, capsys, monkeypatch):
     monkeypatch.setattr("taichi_ldem.ensemble.report.report", lambda folder: [])
     out = tmp_path / "out"
     commands = fake(velocity3=["fail", "fail"])
-    assert run(plan, out, local=2, commands=commands) == 5
+    assert run(plan, out, How(local=2), commands=commands) == 5
     told = capsys.readouterr()
     assert "3 members, 0 finished already; 2 at a time on this machine" in told.out
     assert "velocity3: attempt 2 failed: error: the plate is velocity3; given up" in told.out

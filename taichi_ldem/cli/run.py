@@ -1,0 +1,132 @@
+"""The commands that run a scene: one for each scenario of the registry, and `resume`."""
+
+import inspect
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from taichi_ldem.cli.options import (
+    Arch,
+    Folder,
+    Force,
+    Out,
+    Precision,
+    Quiet,
+    SceneFile,
+    Settings,
+    Threads,
+    read_scene,
+    read_scene_to_run,
+)
+from taichi_ldem.scenarios.registry import SCENARIOS, Option, Scenario
+
+OPTIONS: dict[str, tuple[Any, Any]] = {
+    "out": (Out, None),
+    "force": (Force, False),
+    "arch": (Arch, None),
+    "precision": (Precision, None),
+    "threads": (Threads, None),
+    "settings": (Settings, None),
+    "quiet": (Quiet, False),
+}
+"""Type and default of the options that the commands of all scenarios share."""
+
+SOLVER = ("arch", "precision", "threads")
+"""Those of them that set a key of the scene's table [solver]."""
+
+ONLY_IN_TIME = ("arch", "precision")
+"""Options without a meaning for a scenario that does not step in time."""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to an app."""
+    for entry in SCENARIOS.values():
+        app.command(entry.command)(make_command(entry))
+    app.command()(resume)
+
+
+def make_command(entry: Scenario) -> Callable[..., None]:
+    """The command of a scenario, with the shared options and its own."""
+
+    def command(scene_file: Path, **given: Any) -> None:
+        run(entry, scene_file, given)
+
+    own = {option.name: _type_of(option) for option in entry.options}
+    shared = {
+        name: option
+        for name, option in OPTIONS.items()
+        if entry.in_time or name not in ONLY_IN_TIME
+    }
+    kind = inspect.Parameter.KEYWORD_ONLY
+    scene = inspect.Parameter("scene_file", kind, annotation=SceneFile)
+    options = [
+        inspect.Parameter(name, kind, default=default, annotation=annotation)
+        for name, (annotation, default) in {**shared, **own}.items()
+    ]
+    command.__signature__ = inspect.Signature([scene, *options])  # type: ignore[attr-defined]
+    command.__annotations__ = {p.name: p.annotation for p in (scene, *options)}
+    command.__name__ = entry.command
+    command.__doc__ = f"{entry.help}. Options override --set, which overrides the file."
+    return command
+
+
+def _type_of(option: Option) -> tuple[Any, Any]:
+    """Type and default of a scenario's own option."""
+    if option.key:
+        return Annotated[int | None, typer.Option(help=option.help)], None
+    return Annotated[bool, typer.Option(f"--{option.name}", help=option.help)], False
+
+
+def run(entry: Scenario, scene_file: Path, given: dict[str, Any]) -> None:
+    """Run a scene as a scenario does, unless the scene or the run folder is refused."""
+    keys: dict[str, object] = {f"solver.{name}": given.get(name) for name in SOLVER}
+    keys |= {option.key: given[option.name] for option in entry.options if option.key}
+    settings, out = given["settings"] or (), given["out"]
+    if entry.in_time:
+        scene = read_scene_to_run(scene_file, settings, keys)
+        _refuse_other_scenario(entry, scene.scenario, scene_file)
+    else:
+        scene = read_scene(scene_file, settings, keys)
+    for option in entry.options:
+        if option.runs and given[option.name]:
+            module, _, function = option.runs.partition(":")
+            instead = getattr(import_module(module), function)
+            raise typer.Exit(instead(scene, out, scene_file.stem, quiet=given["quiet"]))
+    folder = Path("outputs", scene_file.stem) if out is None else out
+
+    from taichi_ldem.storage.store import RunFolder
+
+    RunFolder.check(folder, force=given["force"])
+
+    from taichi_ldem.api import draw_run
+    from taichi_ldem.scenarios import launch
+
+    how = {"force": given["force"], "quiet": given["quiet"]}
+    raise typer.Exit(launch.run(entry, scene, folder, **how, draw=draw_run))
+
+
+def _refuse_other_scenario(entry: Scenario, scenario: str, scene_file: Path) -> None:
+    if scenario != entry.command:
+        from taichi_ldem.errors import SceneError
+
+        raise SceneError(
+            f'{scene_file.name}: scenario = "{scenario}": run it with `ldem {scenario}`'
+        )
+
+
+def resume(
+    folder: Folder,
+    extend: Annotated[
+        float,
+        typer.Option(metavar="SECONDS", help="run on past the end, seconds of simulation"),
+    ] = 0.0,
+    quiet: Quiet = False,
+) -> None:
+    """Go on with a run that was cut off, from its last checkpoint."""
+    from taichi_ldem.api import draw_run
+    from taichi_ldem.scenarios import launch
+
+    raise typer.Exit(launch.resume(folder, extend=extend, quiet=quiet, draw=draw_run))

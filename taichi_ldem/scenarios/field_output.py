@@ -1,0 +1,93 @@
+"""Fields and broken bars of a run, written to its fields file while it runs."""
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taichi_ldem.storage.provenance import provenance
+from taichi_ldem.storage.store import FieldWriter, RunFolder, hexahedral_mesh
+
+if TYPE_CHECKING:
+    from taichi_ldem.solver.simulation import Sample, Simulation
+    from taichi_ldem.storage.checkpoint import Checkpoint
+
+
+class FieldOutput:
+    """Writes fields at the first sample that reaches each of the scene's times, and broken bars.
+
+    Broken bars are collected until the next fields or the next checkpoint, because the file is
+    opened anew for each writing and that is slow.
+
+    Args:
+        resumed: a checkpoint of an earlier process, whose file is continued.
+    """
+
+    def __init__(
+        self, folder: RunFolder, simulation: "Simulation", resumed: "Checkpoint | None" = None
+    ):
+        self.simulation = simulation
+        lattice = simulation.dynamics.lattice
+        points, cells, sites = hexahedral_mesh(lattice.mask, lattice.spacing, lattice.origin)
+        self.at = tuple((sites + 1).T)
+        points = lattice.positions()[0][self.at]
+        self.module = lattice.mask
+        scene = simulation.scene
+        self.due = list(scene.field_times)
+        self.damage = scene.material.damage
+        self.broken, self.written = 0, (0, 0)
+        self.pending: list[tuple[Any, Any, Any]] = []
+        if resumed is not None:
+            self.written = (resumed.field_steps, resumed.broken_bars)
+            if resumed.history:
+                self.broken = resumed.history[-1]["broken_bars"]
+                self._drop_due(resumed.history[-1]["time_s"])
+        origin = {key: _text(value) for key, value in provenance(scene).items()}
+        old = None if resumed is None else self.written
+        self.writer = FieldWriter(folder.fields_file, points, cells, old, origin)
+
+    @property
+    def bytes_per_frame(self) -> int:
+        """Uncompressed size of the fields at one time, bytes."""
+        return 4 * (6 * len(self.at[0]) + int(self.module.sum()))
+
+    def take(self, sample: "Sample") -> None:
+        """Write what is due at a sample, whose step has already been completed."""
+        if self.damage and sample.broken_bars > self.broken:
+            sites, bars = self.simulation.dynamics.new_broken()
+            place = self.simulation.dynamics.lattice.bar_midpoints(sites, bars)
+            self.pending.append((np.full(len(bars), sample.time), place, bars))
+            self.broken = sample.broken_bars
+        if self._drop_due(sample.time):
+            self.write(sample.time)
+
+    def _drop_due(self, time_s: float) -> bool:
+        """Drop the output times that a sample has reached; whether there were any."""
+        before = len(self.due)
+        slack = 0.5 * self.simulation.time_step
+        self.due = [t for t in self.due if t > time_s + slack]
+        return len(self.due) < before
+
+    def flush(self) -> None:
+        """Write the broken bars collected so far."""
+        if self.pending:
+            times, places, bars = (np.concatenate(part) for part in zip(*self.pending, strict=True))
+            self.writer.append_broken(times, places, bars)
+            self.written = (self.written[0], self.written[1] + len(bars))
+            self.pending = []
+
+    def write(self, at: float) -> None:
+        """Write the fields of the last sampled step under a time, s."""
+        self.flush()
+        s = self.simulation
+        displacement = s.displacement_before()[0][self.at]
+        velocity = s.dynamics.get_velocity()[0][self.at]
+        fraction = np.zeros(int(self.module.sum()))
+        if self.damage:
+            fraction = s.broken_fraction()[self.module]
+        self.writer.append(at, displacement, velocity, fraction)
+        self.written = (self.written[0] + 1, self.written[1])
+
+
+def _text(value: Any) -> str:
+    return value if isinstance(value, str) else json.dumps(value)

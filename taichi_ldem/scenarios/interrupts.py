@@ -1,0 +1,55 @@
+"""SIGINT and SIGTERM, noted while work goes on and answered between two steps of it."""
+
+import contextlib
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any
+
+
+class Signalled(Exception):
+    """SIGINT or SIGTERM has arrived; ``number`` says which."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.number = number
+
+
+@contextlib.contextmanager
+def signals_call(function: Callable[[int], None]) -> Iterator[None]:
+    """Have SIGINT and SIGTERM call a function with their number; the main thread only."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def handler(number: int, _frame: Any) -> None:
+        function(number)
+
+    old = {number: signal.signal(number, handler) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, before in old.items():
+            signal.signal(number, before)
+
+
+class Interrupts:
+    """Notes the first signals; a second SIGINT raises KeyboardInterrupt at once."""
+
+    def __init__(self) -> None:
+        self.number: int | None = None
+
+    @contextlib.contextmanager
+    def noted(self) -> Iterator[None]:
+        """Note signals instead of ending the process."""
+        with signals_call(self._note):
+            yield
+
+    def _note(self, number: int) -> None:
+        self.number = number
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    def answer(self) -> None:
+        """Raise ``Signalled`` where a signal has been noted."""
+        if self.number is not None:
+            raise Signalled(self.number)
