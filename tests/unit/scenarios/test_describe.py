@@ -13,7 +13,7 @@ from taichi_ldem.scene import load_scene
 from taichi_ldem.solver import backend
 
 CONFIGS = sorted((Path(__file__).parents[3] / "configs").glob("*.toml"))
-QUICK = CONFIGS[0].with_name("impact_quick.toml")
+QUICK = CONFIGS[0].with_name("impact_small.toml")
 
 
 def _quick(*overrides: str) -> list[str]:
