@@ -1,4 +1,4 @@
-"""A scene's material as bars: the paper's formulas, and the check that the lattice is fine enough."""
+"""A scene's material as bars: the paper's formulas, and whether the lattice is fine enough."""
 
 from taichi_ldem.scene import Scene
 from taichi_ldem.scene.checks import LARGE_SIDE, refuse_coarse
