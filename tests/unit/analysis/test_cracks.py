@@ -14,7 +14,6 @@ from taichi_ldem.analysis.cracks import (
     broken_area,
     crack_map,
     measure,
-    measure_run,
 )
 from taichi_ldem.model.lattice import Lattice, prism
 from taichi_ldem.scene import Plate, parse_scene
