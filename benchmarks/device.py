@@ -198,7 +198,7 @@ def part(name: str, options: argparse.Namespace, copy: float) -> tuple[list[str]
         elif name == "run":
             scene, settings = "impact.toml", {"output.checkpoint_interval": "0"}
             if small:
-                scene, settings = "impact_quick.toml", settings | {"solver.duration": "2e-5"}
+                scene, settings = "impact_small.toml", settings | {"solver.duration": "2e-5"}
             summary = run_scene(scene, arch, precision, OUT / f"run-{precision}", settings)
             told = {k: summary[k] for k in ("wall_s", "compile_s", "steps", "bars_per_s")}
             told |= {k: summary.get(k) for k in ("first_peak_force_n", "energy_error")}

@@ -122,7 +122,7 @@ NEEDS: dict[str, Need] = {
             "ensemble",
             (*_MANY, *_TO_OUT[:-1]),
             ("--seeds", "0:2"),
-            quick_scene="configs/impact_quick.toml",
+            quick_scene="configs/impact_small.toml",
             done="ensemble.json",
             resume=(*_MANY, *_TO_OUT[:-1], "--resume"),
         ),

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.command import ldem
+from support.paths import CONFIGS
 
 from studies import frequencies
 from taichi_ldem.cli import main
 from taichi_ldem.scene import load_scene, parse_scene, scene_to_toml
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 SMALL = [  # 30 x 30 x 1 modules
     "--set", "plate.size=[0.09, 0.09, 0.003]", "--set", "plate.modules_through_thickness=1",
     "--set", "clamp.inner_diameter=0.06", "--set", "clamp.outer_diameter=0.084",
@@ -66,7 +66,7 @@ def test_shapes_open_in_vtk_and_are_held_where_the_rings_are(folder: Path) -> No
 
 def test_any_scene_will_do_and_is_told_what_is_left_out(tmp_path: Path) -> None:
     out = tmp_path / "impact"
-    command = ["modes", str(CONFIGS / "impact_quick.toml"), "--out", str(out), "--count", "1"]
+    command = ["modes", str(CONFIGS / "impact_small.toml"), "--out", str(out), "--count", "1"]
     settings = ["--set", "plate.modules_through_thickness=1", "--set", "striker.gravity=9.81"]
     printed = ldem(*command, *settings).stdout
     assert "taken as bonded" in printed

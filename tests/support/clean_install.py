@@ -79,7 +79,7 @@ def try_out(python: str, wheel: Path, where: Path, low: bool) -> str:
     pip = [venv / "bin" / "python", "-m", "pip", "install", "-q", "--disable-pip-version-check"]
     run([*pip, "-c", where / "constraints.txt", wheel], cwd=where, env=clean)
     ldem = venv / "bin" / "ldem"
-    scene = shutil.copy(ROOT / "configs" / "impact_quick.toml", where)
+    scene = shutil.copy(ROOT / "configs" / "impact_small.toml", where)
     words = [word for text in SETTINGS for word in ("--set", text)]
     run([ldem, "impact", scene, "--out", where / "run", *words], cwd=where, env=clean)
     run([ldem, "resume", where / "run", "--extend", "1e-4"], cwd=where, env=clean)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.cracked_plates import END, PLATE, START, Drawing, tips_on_circle
+from support.paths import DATA
 
 from taichi_ldem.analysis.cracks import (
     NO_CRACKS,
@@ -21,7 +22,6 @@ from taichi_ldem.storage.store import BAR_NUMBERING, BrokenBars, RunFolder
 
 L = PLATE.spacing  # m
 BEFORE_RING = 7.3e-3  # s, between END and RING of the drawings
-DATA = Path(__file__).parents[2] / "data"
 
 
 def ray(degrees: float, length: float = 25e-3) -> np.ndarray:
@@ -309,7 +309,7 @@ def stored(name: str, plate: Plate) -> BrokenBars:
 
 
 def test_a_real_run_counted_by_hand() -> None:
-    """`ldem impact configs/impact_quick.toml`, f64, before the step in lanes: 5594 bars.
+    """`ldem impact configs/impact_small.toml`, f64, before the step in lanes: 5594 bars.
 
     Answers read off a picture of the depth of broken in-plane bars, by eye and ruler.
 
@@ -319,7 +319,7 @@ def test_a_real_run_counted_by_hand() -> None:
     2.63 ms is the largest strain energy of its history.
     """
     plate = Plate(size=(0.0464, 0.0464, 0.0016), modules_through_thickness=3)
-    cracks = measure(stored("impact_quick_broken", plate), plate, radial_time=2.63e-3)
+    cracks = measure(stored("impact_small_broken", plate), plate, radial_time=2.63e-3)
     by_eye = 1e-3 * np.array(
         [(-4.8, 10.1), (10.1, 4.8), (10.7, -1.6), (-4.8, -10.1), (-8.5, 0.5), (1.1, -8.0)]
     )

@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 
 import pytest
+from support.paths import ROOT
 from support.synthetic import synthetic_run
 
 from taichi_ldem import cli
@@ -24,8 +25,6 @@ from taichi_ldem.reproduction.paper import (
 )
 from taichi_ldem.reproduction.paper import paper as reproduction
 from taichi_ldem.scene import load_scene
-
-ROOT = Path(__file__).resolve().parents[3]
 
 
 def test_every_item_s_runs_are_known_and_their_commands_parse() -> None:
@@ -48,7 +47,7 @@ def test_every_item_s_runs_are_known_and_their_commands_parse() -> None:
 def test_a_quick_run_is_another_command() -> None:
     need, folder = NEEDS["ensemble"], Path("x")
     words = need.command(folder, quick=True, again=True)
-    assert "configs/impact_quick.toml" in words
+    assert "configs/impact_small.toml" in words
     assert [word for word in words if word.endswith(".toml")] == [words[3]]
     assert words.count("f32") == 1
     assert NEEDS["impact"].command(folder, quick=True, again=True)[2:4] == ["resume", "x"]
