@@ -31,7 +31,7 @@ class Circle:
 
 
 def directions(points: Array, reach: float) -> Array:
-    """(n, 2) unit vectors along the skeleton: first principal axis of the points within a reach, m."""
+    """(n, 2) unit vectors along the skeleton: main axis of the points within a reach, m."""
     from scipy.spatial import KDTree
 
     tree = KDTree(points)

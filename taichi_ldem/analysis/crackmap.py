@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 IN_PLANE_BARS = (0, 1, 3, 4)
-"""Numbers of the bars along x and y, of both sublattices (``BAR_NUMBERING`` of the fields' file)."""
+"""Numbers of the bars along x and y, of both sublattices (see ``BAR_NUMBERING``)."""
 
 FAINT_SHARE = 1 / 6
 DEPTH_SHARE = 1 / 3

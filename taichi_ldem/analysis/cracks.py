@@ -194,7 +194,7 @@ def measure(
 def circular_crack(at: CrackMap, after: float | None) -> tuple[Circle | None, float, Array]:
     """Circle through the circular crack of the final map, its coverage, and the points used.
 
-    A point of the skeleton belongs to it where the local direction is nearer to the circle's tangent
+    A point of the skeleton belongs to it where its direction is nearer to the circle's tangent
     than to its radius. The fit has a free centre; it is repeated about the centre found.
 
     Args:

@@ -1,4 +1,4 @@
-"""Skeletons of cracked pixels: thinning, the graph of a skeleton, the paths from its ends to a core.
+"""Skeletons of cracked pixels: thinning, its graph, the paths from its ends to a core.
 
 The functions take masks (nx, ny) and count in pixels.
 """
@@ -37,7 +37,7 @@ def thin(mask: Mask) -> Mask:
 
 
 class Skeleton:
-    """The skeleton of a map as a graph of pixels, with the shortest paths from its ends to the core.
+    """The skeleton of a map as a graph of pixels, with the shortest paths from its ends.
 
     Thinning removes about half a crack's width at each end. A path therefore begins at the
     outermost of those cracked pixels to which the skeleton's end is the nearest skeleton pixel.

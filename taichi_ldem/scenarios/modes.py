@@ -245,12 +245,10 @@ def table(scene: Scene, named: list[Mode]) -> str:
         if theory:
             cells.append(f"{1e-3 * thin_plate(scene, name):.3f}" if name.kind == "plate" else "")
         if paper:
-            said = (
-                NATURAL_FREQUENCIES_HZ.get((name.diameters, name.circles))
-                if name.kind == "plate"
-                else None
-            )  # type: ignore[arg-type]
-            cells += ["", ""] if said is None else [f"{1e-3 * value:.2f}" for value in said]
+            printed = None
+            if name.kind == "plate":
+                printed = NATURAL_FREQUENCIES_HZ.get((name.diameters, name.circles))  # type: ignore[arg-type]
+            cells += ["", ""] if printed is None else [f"{1e-3 * v:.2f}" for v in printed]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
