@@ -16,7 +16,7 @@ __version__ = "0.1.0"
 __all__ = ["Scene", "SceneError", "Simulation", "__version__", "open_run", "run"]
 
 _HOME = {
-    "Scene": "taichi_ldem.scene",
+    "Scene": "taichi_ldem.scenarios.registry",  # which makes all scenarios known to scene files
     "SceneError": "taichi_ldem.errors",
     "Simulation": "taichi_ldem.api",
     "open_run": "taichi_ldem.api",

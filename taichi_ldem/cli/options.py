@@ -34,13 +34,10 @@ def read_scene(path: Path, settings: Sequence[str], options: Mapping[str, object
     Raises:
         SceneError: the file, an override or a value is not acceptable.
     """
-    from taichi_ldem.scenarios.registry import entry_of
     from taichi_ldem.scene import load_scene
 
     given = [f"{key}={value}" for key, value in options.items() if value is not None]
-    scene = load_scene(path, [*settings, *given])
-    entry_of(scene, path.name)
-    return scene
+    return load_scene(path, [*settings, *given])
 
 
 def read_scene_to_run(

@@ -220,7 +220,7 @@ def _member(
         if tables.get("disorder", {}).keys() <= {"seed"}:  # only the nodes draw from it
             tables.pop("disorder", None)
     scene = parse_scene(tables, scene_file.name, names)
-    if not entry_of(scene, scene_file.name).resumable:
+    if not entry_of(scene).resumable:
         known = ", ".join(resumable())
         raise SceneError(f'scenario = "{scene.scenario}": an ensemble is made of {known}')
     varied: dict[str, Any] = {

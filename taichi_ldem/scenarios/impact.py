@@ -56,7 +56,8 @@ def summary(simulation: "Simulation", history: History, folder: RunFolder) -> di
 
 def _measured(folder: RunFolder) -> dict[str, Any]:
     """The numbers of the cracks; a run without cracks has the same keys."""
-    from taichi_ldem.analysis.cracks import NO_CRACKS, measure_run
+    from taichi_ldem.analysis.cracks import NO_CRACKS
+    from taichi_ldem.scenarios.measure import measure_run
 
     cracks = measure_run(folder)
     return NO_CRACKS if cracks is None else cracks.summary()

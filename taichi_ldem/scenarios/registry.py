@@ -15,12 +15,8 @@ This module holds names only and imports no scenario.
 from dataclasses import dataclass
 from importlib import import_module
 from types import ModuleType
-from typing import TYPE_CHECKING
 
-from taichi_ldem.errors import SceneError
-
-if TYPE_CHECKING:
-    from taichi_ldem.scene import Scene
+from taichi_ldem.scene import ScenarioRules, Scene, register_scenario
 
 
 @dataclass(frozen=True)
@@ -58,6 +54,8 @@ class Scenario:
         in_time: whether it steps in time. One that does not accepts any scene, of which it takes
             the lattice.
         options: options of its command in addition to those of all commands.
+        rules: tables that its scene needs or must not have, unless ``scene.checks`` has them; None:
+            any.
     """
 
     command: str
@@ -71,6 +69,7 @@ class Scenario:
     pictures: bool = True
     in_time: bool = True
     options: tuple[Option, ...] = ()
+    rules: ScenarioRules | None = None
 
     def load(self) -> ModuleType:
         """The scenario's module."""
@@ -165,23 +164,22 @@ _ENTRIES = (
     ),
 )
 
-SCENARIOS = {entry.command: entry for entry in _ENTRIES}
+SCENARIOS: dict[str, Scenario] = {}
+"""The scenarios by the name of their command, in the order of the command line's help."""
 
 
-def entry_of(scene: "Scene", source: str = "") -> Scenario:
-    """The entry of a scene's scenario.
+def register(entry: Scenario) -> None:
+    """Make a scenario known, also to scene files."""
+    SCENARIOS[entry.command] = entry
+    register_scenario(entry.command, entry.rules)
 
-    Args:
-        source: name of the scene's file, for the message.
 
-    Raises:
-        SceneError: there is no scenario of this name.
-    """
-    if scene.scenario not in SCENARIOS:
-        *names, last = (f'"{name}"' for name in SCENARIOS)
-        where = f"{source}: " if source else ""
-        wanted = f"must be {', '.join(names)} or {last}"
-        raise SceneError(f'{where}scenario = "{scene.scenario}": {wanted}')
+for _entry in _ENTRIES:
+    register(_entry)
+
+
+def entry_of(scene: Scene) -> Scenario:
+    """The entry of a scene's scenario."""
     return SCENARIOS[scene.scenario]
 
 

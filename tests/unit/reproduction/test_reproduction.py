@@ -5,11 +5,13 @@ import json
 from pathlib import Path
 
 import pytest
+from support.paths import ROOT
 from support.synthetic import synthetic_run
 
-from taichi_ldem import cli
+from taichi_ldem.cli import app as cli
 from taichi_ldem.cli import main
 from taichi_ldem.errors import SceneError
+from taichi_ldem.reproduction import paper as reproduction
 from taichi_ldem.reproduction.paper import (
     ITEMS,
     NEEDS,
@@ -22,10 +24,7 @@ from taichi_ldem.reproduction.paper import (
     reproduce,
     write,
 )
-from taichi_ldem.reproduction.paper import paper as reproduction
 from taichi_ldem.scene import load_scene
-
-ROOT = Path(__file__).resolve().parents[3]
 
 
 def test_every_item_s_runs_are_known_and_their_commands_parse() -> None:
