@@ -2,12 +2,12 @@
 
 import subprocess
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from support.blocks import DAMAGE, PMMA, SPACING, block_scene
+from support.paths import CONFIGS
 from support.reference import Body
 
 from taichi_ldem.analysis.cracks import broken_area
@@ -227,14 +227,13 @@ def test_ligament_is_what_a_flat_crack_would_break(depth: float) -> None:
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
     """A tiny notched beam of brittle bars, broken within 0.1 ms."""
-    root = Path(__file__).parents[2]
     out = tmp_path_factory.mktemp("bend") / "run"
     changes = ("plate.size=[0.015, 0.0015, 0.003]", "plate.modules_through_thickness=6")
     changes += ("supports.span=0.012", "supports.diameter=0.002", "striker.diameter=0.002")
     changes += ("striker.velocity=3.0", "solver.duration=1.2e-4", "output.image_times=[]")
     settings = [word for change in changes for word in ("--set", change)]
     scene = out.parent / "small.toml"
-    text = (root / "configs" / "bend_quick.toml").read_text()
+    text = (CONFIGS / "bend_quick.toml").read_text()
     scene.write_text(text.replace("0.002875]", "0.001]").replace("0.0015, 0", "0.00075, 0"))
     command = [sys.executable, "-m", "taichi_ldem.cli", "bend", str(scene), "--out", str(out)]
     done = subprocess.run([*command, "--quiet", *settings], capture_output=True, text=True)

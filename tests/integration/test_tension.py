@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from support.blocks import PMMA, SPACING, block_scene, restart
+from support.paths import CONFIGS
 from support.reference import Body
 
 from taichi_ldem.cli import main
@@ -20,7 +21,6 @@ from taichi_ldem.storage.store import RunFolder, read_broken_bars
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 LENGTH, SPEED, RAMP = 1.2 * SPACING, 3.0, 4e-6
 
 

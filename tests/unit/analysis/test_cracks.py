@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.cracked_plates import END, PLATE, START, Drawing, tips_on_circle
+from support.paths import DATA
 
 from taichi_ldem.analysis.cracks import (
     NO_CRACKS,
@@ -22,7 +23,6 @@ from taichi_ldem.storage.store import BAR_NUMBERING, BrokenBars, RunFolder
 
 L = PLATE.spacing  # m
 BEFORE_RING = 7.3e-3  # s, between END and RING of the drawings
-DATA = Path(__file__).parents[2] / "data"
 
 
 def ray(degrees: float, length: float = 25e-3) -> np.ndarray:

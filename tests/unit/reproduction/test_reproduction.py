@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 
 import pytest
+from support.paths import ROOT
 from support.synthetic import synthetic_run
 
 from taichi_ldem import cli
@@ -24,8 +25,6 @@ from taichi_ldem.reproduction.paper import (
 )
 from taichi_ldem.reproduction.paper import paper as reproduction
 from taichi_ldem.scene import load_scene
-
-ROOT = Path(__file__).resolve().parents[3]
 
 
 def test_every_item_s_runs_are_known_and_their_commands_parse() -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from support.blocks import DAMAGE, block_scene
+from support.paths import ROOT
 
 from taichi_ldem.errors import SceneError
 from taichi_ldem.scene import DISORDERED
@@ -59,9 +60,8 @@ print(memory.needed_bytes(scene), 1024 * resource.getrusage(resource.RUSAGE_SELF
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="ru_maxrss has other units elsewhere")
 def test_what_is_said_to_be_needed_is_taken() -> None:
-    root = Path(__file__).parents[3]
     command = [sys.executable, "-c", PEAK]
-    done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=True)
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     needed, taken = map(int, done.stdout.split())
     assert taken < needed < 1.3 * taken
 

@@ -1,12 +1,12 @@
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from support.blocks import SPACING, block_scene
+from support.paths import ROOT
 from support.reference import Body
 
 from taichi_ldem.errors import SceneError
@@ -173,8 +173,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, np.nda
         for threads in ("1", "2"):
             path = folder / f"{precision}-{threads}.npz"
             command = [sys.executable, "-c", RUN, precision, threads, str(path)]
-            root = Path(__file__).parents[3]
-            done = subprocess.run(command, cwd=root, capture_output=True, text=True, timeout=300)
+            done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
             assert done.returncode == 0, done.stderr[-2000:]
             assert done.stdout == ""  # Taichi's banner is kept off it
             with np.load(path) as data:
