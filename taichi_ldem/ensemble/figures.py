@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_ldem.analysis.cracks import Cracks, measure_run
+from taichi_ldem.analysis.cracks import Cracks
 from taichi_ldem.analysis.paper import P1_N, P2_N, T1_S, T2_S, V_MAX_S, is_papers_test
 from taichi_ldem.analysis.signals import SMOOTHING_WINDOW, smooth_force
 from taichi_ldem.ensemble.attempt import FINISHED
@@ -21,6 +21,7 @@ from taichi_ldem.ensemble.results import Row, groups, numbers_of
 from taichi_ldem.ensemble.table3 import label
 from taichi_ldem.output.figures.cracks import sheet
 from taichi_ldem.output.figures.run import STYLE
+from taichi_ldem.scenarios.measure import measure_run
 from taichi_ldem.storage.store import RunFolder
 
 if TYPE_CHECKING:

@@ -450,14 +450,12 @@ def _modes(context: Context) -> Section:
 
 
 def _table2(context: Context) -> Section:
-    from taichi_ldem.scenarios.modes import PAPER
-
     summary = context.summary("modes")
     found: dict[str, list[float]] = {}
     for name, frequency in zip(summary["names"], summary["frequencies_hz"], strict=True):
         found.setdefault(name, []).append(frequency)
     rows = []
-    for name, (lattice, _) in PAPER.items():
+    for name, (lattice, _) in paper.NATURAL_FREQUENCIES_HZ.items():
         mine = found.get(f"({name[0]}, {name[1]})", [])
         mean = float(np.mean(mine[: 1 if name[0] == 0 else 2])) if mine else None
         computed = None if mean is None else 1e-3 * mean

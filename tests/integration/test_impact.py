@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from support.command import COMMAND, SCENE, WITHOUT_VULKAN, ldem
 
-from taichi_ldem.analysis.cracks import measure_run
 from taichi_ldem.scenarios import runner
+from taichi_ldem.scenarios.measure import measure_run
 from taichi_ldem.solver.backend import vulkan_device
 from taichi_ldem.storage.store import RunFolder, read_broken_bars, read_fields
 

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taichi_ldem.analysis.cracks import Circle, CrackMap, Cracks
+from taichi_ldem.analysis.circles import Circle
+from taichi_ldem.analysis.crackmap import CrackMap
+from taichi_ldem.analysis.cracks import Cracks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -67,7 +67,7 @@ class _Run:
     @cached_property
     def cracks(self) -> Cracks | None:
         """Its cracks, measured; None where no bar broke."""
-        from taichi_ldem.analysis.cracks import measure_run
+        from taichi_ldem.scenarios.measure import measure_run
 
         return measure_run(self.folder)
 

@@ -359,7 +359,7 @@ def _thinned(history: dict[str, Series]) -> dict[str, Series]:
 def _cracks(folder: RunFolder, scene: Scene) -> Cracks | None:
     if scene.scenario != "impact" or not folder.fields_file.is_file():
         return None
-    from taichi_ldem.analysis.cracks import measure_run
+    from taichi_ldem.scenarios.measure import measure_run
 
     return measure_run(folder)
 

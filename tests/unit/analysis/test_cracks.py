@@ -15,9 +15,9 @@ from taichi_ldem.analysis.cracks import (
     broken_area,
     crack_map,
     measure,
-    measure_run,
 )
 from taichi_ldem.model.lattice import Lattice, prism
+from taichi_ldem.scenarios.measure import measure_run
 from taichi_ldem.scene import Plate, parse_scene
 from taichi_ldem.storage.store import BAR_NUMBERING, BrokenBars, RunFolder
 

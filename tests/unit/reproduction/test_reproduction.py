@@ -8,9 +8,10 @@ import pytest
 from support.paths import ROOT
 from support.synthetic import synthetic_run
 
-from taichi_ldem import cli
+from taichi_ldem.cli import app as cli
 from taichi_ldem.cli import main
 from taichi_ldem.errors import SceneError
+from taichi_ldem.reproduction import paper as reproduction
 from taichi_ldem.reproduction.paper import (
     ITEMS,
     NEEDS,
@@ -23,7 +24,6 @@ from taichi_ldem.reproduction.paper import (
     reproduce,
     write,
 )
-from taichi_ldem.reproduction.paper import paper as reproduction
 from taichi_ldem.scene import load_scene
 
 
