@@ -293,7 +293,8 @@ def render(
 
     With a view, camera, section or colour of its own a snapshot is one picture, shot_MSms_VIEW.png.
     """
-    from taichi_ldem.output.render.snapshots import Shot, parse_section, render_run
+    from taichi_ldem.output.render.snapshots import render_run
+    from taichi_ldem.output.render.views import Shot, parse_section
     from taichi_ldem.storage.store import RunFolder
 
     run = RunFolder.open(folder)

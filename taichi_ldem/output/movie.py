@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from taichi_ldem.errors import SceneError
-from taichi_ldem.output.render.snapshots import Shot, render_shot
+from taichi_ldem.output.render.snapshots import render_shot
+from taichi_ldem.output.render.views import Shot
 from taichi_ldem.storage.store import RunFolder
 
 SUFFIXES = (".mp4", ".gif")

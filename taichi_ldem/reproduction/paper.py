@@ -408,7 +408,8 @@ def _fig8(context: Context) -> Section:
     ]
     pictures = []
     try:
-        from taichi_ldem.output.render.snapshots import Shot, render_shot
+        from taichi_ldem.output.render.snapshots import render_shot
+        from taichi_ldem.output.render.views import Shot
 
         context.picture("x").parent.mkdir(parents=True, exist_ok=True)
         shot = Shot(view="above")

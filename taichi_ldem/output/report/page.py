@@ -34,7 +34,7 @@ from taichi_ldem.ensemble.table3 import AT_T2
 from taichi_ldem.ensemble.table3 import label as group_label
 from taichi_ldem.errors import SceneError
 from taichi_ldem.output.figures.run import RING_SIGN
-from taichi_ldem.output.render.snapshots import GONE
+from taichi_ldem.output.render.surfaces import FAILED_SHARE
 from taichi_ldem.scenarios.describe import implied, left_out, warnings
 from taichi_ldem.scene import DISORDERED, Scene, load_scene
 from taichi_ldem.storage.durable import write_whole
@@ -832,7 +832,7 @@ def _crack_map(scene: Scene, cracks: Cracks, end: float) -> Figure:
 
 
 MISSING = (
-    f"White or missing: modules with {100 * GONE:.0f} % or more of their bars broken; "
+    f"White or missing: modules with {100 * FAILED_SHARE:.0f} % or more of their bars broken; "
     "they are still in the model."
 )
 
@@ -843,7 +843,8 @@ def _embedded(file: Path) -> str:
 
 def _snapshots(folder: RunFolder, scene: Scene, most: int) -> tuple[list[Snapshots], str]:
     """The plate over time, from below and above; from its broken modules without Vulkan."""
-    from taichi_ldem.output.render.snapshots import Shot, render_shot
+    from taichi_ldem.output.render.snapshots import render_shot
+    from taichi_ldem.output.render.views import Shot
 
     no_fields = not folder.fields_file.is_file()
     if most < 1 or no_fields or scene.pulse is not None or scene.scenario == "modes":
