@@ -19,11 +19,13 @@ class Number:
 
     Attributes:
         factor: from SI to ``unit``.
+        positive: direction of a positive value, where that is not clear from the label.
     """
 
     label: str
     unit: str = ""
     factor: float = 1.0
+    positive: str = ""
 
     @property
     def title(self) -> str:
@@ -42,8 +44,8 @@ class Number:
             return f"{value:,.0f}"  # a count
         return three_digits(self.factor * value)
 
-    def told(self, value: Any) -> str:
-        """The same with its unit."""
+    def with_unit(self, value: Any) -> str:
+        """The same, followed by the unit."""
         return f"{self.shown(value)} {'' if value is None else self.unit}".strip()
 
 
@@ -107,6 +109,20 @@ NUMBERS: dict[str, Number] = {
     "peak_force_n": Number("peak force", "N"),
     "peak_time_s": Number("time of the peak", *_MS),
     "peak_work_j": Number("work at the peak", "mJ", 1e3),
+    "striker_displacement_m": Number("striker displacement", *_MM),
+    "striker_velocity_m_s": Number("striker velocity", "m/s"),
+    "striker_force_n": Number("striker force", "N"),
+    "ring_force_n": Number("ring force", "N", positive="upwards"),
+    "support_force_n": Number("support force", "N"),
+    "grip_force_n": Number("grip force", "N"),
+    "grip_displacement_m": Number("grip displacement", *_MM),
+    "gauge_strain": Number("gauge strain", "%", 100.0),
+    "gauge_lateral_strain": Number("lateral strain", "%", 100.0),
+    "strain_j": Number("strain energy", "J"),
+    "kinetic_plate_j": Number("kinetic energy of the plate", "J"),
+    "kinetic_striker_j": Number("kinetic energy of the striker", "J"),
+    "damping_j": Number("lost by damping", "J"),
+    "external_j": Number("work of gravity or grips", "J"),
     "energy_error": Number("energy error, of the initial energy", "%", 100.0),
     "energy_error_of_plate": Number("energy error, of what the plate was given", "%", 100.0),
     "wall_s": Number("time of stepping", "s"),
@@ -123,8 +139,10 @@ NUMBERS: dict[str, Number] = {
     "disorder.seed": Number("seed"),
     "peak_memory_bytes": Number("largest memory of the process", "MB", 1e-6),
 }
+AT_T2 = ("radial_cracks", "radial_diameter_m")
+"""Numbers that are measured at t2 (energy), or at the end of a record without it."""
 MEASURED_AT_END = "measured at the end: no failure by the strain energy"
-"""Of radial cracks and d_r in a record without t2 (energy)."""
+"""The remark on ``AT_T2`` in a record without t2 (energy)."""
 
 
 _ENDINGS = {

@@ -341,9 +341,13 @@ def report(
     ] = 12,
 ) -> None:
     """Write one HTML page about a run or an ensemble; it opens from disk, without a network."""
-    from taichi_ldem.output.report.page import write_report
+    from taichi_ldem.ensemble import page
+    from taichi_ldem.output.report.run import write_report
 
-    typer.echo(write_report(folder, out, pictures=pictures))
+    if page.has_members(folder):
+        typer.echo(page.write_report(folder, out))
+    else:
+        typer.echo(write_report(folder, out, pictures=pictures))
 
 
 @app.command()

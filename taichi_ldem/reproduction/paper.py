@@ -301,19 +301,10 @@ def _scaled(summary: Mapping[str, Any], key: str, factor: float) -> float | None
 
 
 def _draw(file: Path, size: tuple[float, float], draw: Callable[[Figure], None]) -> Path:
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    from taichi_ldem.output.figures.run import STYLE
+    from taichi_ldem.output.figures.draw import save
 
     file.parent.mkdir(parents=True, exist_ok=True)
-    with rc_context(STYLE):
-        figure = Figure(figsize=size, dpi=130, layout="constrained")
-        FigureCanvasAgg(figure)
-        draw(figure)
-        figure.savefig(file)
-    return file
+    return save(file, draw, size=size, dpi=130)
 
 
 def _fig2(context: Context) -> Section:
