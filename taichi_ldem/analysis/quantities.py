@@ -1,4 +1,4 @@
-"""Names, units and digits of a summary's numbers: the same on every page and in every table."""
+"""Labels, units and digits of the numbers in summaries and histories, for pages and tables."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any
 
 from taichi_ldem.scene import Scene
 
-_NOTHING = 1e-3  # of the largest of a list: what is less is shown as 0
+_NOTHING = 1e-3  # share of the largest of a list, below which a number is shown as 0
 
 
 @dataclass(frozen=True)
 class Number:
-    """How a number of ``summary.json`` is shown.
+    """How a number of a summary or a column of a history is shown.
 
     Attributes:
         factor: from SI to ``unit``.
@@ -159,7 +159,10 @@ _ENDINGS = {
 
 
 def named(key: str) -> Number:
-    """How a number is shown; a scene's key as it is, of another unknown one the words, in SI."""
+    """How a number is shown.
+
+    A key of a scene is its own label. An unknown number is labelled by its words, in SI units.
+    """
     if "." in key and key not in NUMBERS:
         return Number(key, unit_of(key))
     if key in NUMBERS:
@@ -169,7 +172,7 @@ def named(key: str) -> Number:
 
 
 def at_end(numbers: Mapping[str, Any]) -> bool:
-    """Whether radial cracks were measured at the end, for want of a failure."""
+    """Whether radial cracks were measured at the end, since the record has no failure."""
     measured = numbers.get("radial_diameter_m") is not None or bool(numbers.get("radial_cracks"))
     return measured and numbers.get("failure_time_energy_s") is None
 
@@ -180,7 +183,7 @@ _UNIT = re.compile(
 
 
 def unit_of(key: str) -> str:
-    """Unit of a scene's key ("striker.mass"), from the schema's words; "" where it has none."""
+    """Unit of a scene's key ("striker.mass"), from the key's description; "" where it has none."""
     table, _, name = key.partition(".")
     field = Scene.model_fields.get(table)
     kinds = [field.annotation, *getattr(field.annotation, "__args__", ())] if field else []

@@ -62,7 +62,7 @@ def test_it_loads_nothing_from_elsewhere(page: Path) -> None:
     assert page.stat().st_size < 8e6
 
 
-def test_it_tells_what_was_asked_what_it_cost_and_how_to_repeat_it(page: Path) -> None:
+def test_it_says_what_was_asked_what_it_cost_and_how_to_repeat_it(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     for part in (
         "58 x 58 x 2, L = 1.6000 mm",  # 92.8 mm over 1.6 mm
@@ -123,24 +123,24 @@ def test_it_works_in_a_browser(page: Path) -> None:
         .filter(name => !name.startsWith("data:") && !name.startsWith("blob:"));
       return answer;
     """
-    told, faults = drive(page, script)
+    answer, faults = drive(page, script)
     assert faults == []
-    assert told["loaded"] == []
-    assert told["images"] == [True] * len(told["images"])
-    assert len(told["images"]) >= 3
-    assert told["curves"] >= 10
-    assert told["cut"] == 0  # no table is wider than its place
-    assert told["folded"][:3] == [False, False, False]
+    assert answer["loaded"] == []
+    assert answer["images"] == [True] * len(answer["images"])
+    assert len(answer["images"]) >= 3
+    assert answer["curves"] >= 10
+    assert answer["cut"] == 0  # no table is wider than its place
+    assert answer["folded"][:3] == [False, False, False]
     # 500 rows of 0.02 ms; the line stands at the time in all five curves, pictures are the nearest
     for name, ms, picture in (("end", 9.98, 2), ("middle", 5.0, 1), ("start", 0.0, 0)):
-        at = told[name]
+        at = answer[name]
         assert at["line"] == pytest.approx([ms] * 5)
         assert at["now"] == f"{ms:.3f} ms"
         assert at["shown"] == [[n == picture for n in range(3)]]
         assert at["pale"] == pytest.approx(max(ms / 9.98, 1e-4), abs=2e-4)
-    assert told["failure"]["line"] == pytest.approx([1e3 * FAILURE] * 5)
-    assert told["middle"]["force"] != told["end"]["force"]
-    assert told["played"] > 0
+    assert answer["failure"]["line"] == pytest.approx([1e3 * FAILURE] * 5)
+    assert answer["middle"]["force"] != answer["end"]["force"]
+    assert answer["played"] > 0
 
 
 def test_a_run_without_figures_or_summary_has_a_page(tmp_path: Path) -> None:
@@ -154,7 +154,7 @@ def test_a_run_without_figures_or_summary_has_a_page(tmp_path: Path) -> None:
     assert len(text) < 1e5  # plotly stays out
 
 
-def test_what_did_not_happen_is_told(tmp_path: Path) -> None:
+def test_events_that_did_not_happen_are_named(tmp_path: Path) -> None:
     run = synthetic_run(tmp_path / "whole", cracked=False)
     numbers = {
         "damage_onset_time_s": 1e-3,
