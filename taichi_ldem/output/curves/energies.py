@@ -37,7 +37,7 @@ def energy(run: LoadedRun) -> tuple[Panel, ...]:
     curves = [*_given(run), *_received(run)]
     error = 100 * np.abs(run.history["energy_error"])
     imbalance = Curve(run.time_ms, np.where(error > 0, error, np.nan), colour=BLACK, width=1.0)
-    title = "imbalance of energies over initial energy and external work"
+    ratio = "imbalance of energies over initial energy and external work"
     energies = Panel(
         "energy",
         "Energies",
@@ -49,13 +49,13 @@ def energy(run: LoadedRun) -> tuple[Panel, ...]:
     )
     below = Panel(
         "error",
-        title.capitalize(),
+        "Energy error",
         _TIME,
         "|error| [%]",
         [imbalance],
         x_range=whole(run),
         log=True,
-        note=title,
+        note=ratio,
     )
     return energies, below
 

@@ -36,6 +36,7 @@ Trace = dict[str, Any]
 ONLY_HERE = ("force_strain", "broken_bars")
 """Figures of every page that has the data, in addition to those of the scenario's entry."""
 _MS, _MM = 1e3, 1e3
+_ENTRIES, _ENTRY_PX = 3, 19  # of the legend: a longer one makes the figure higher
 
 
 def figures(run: LoadedRun) -> list[Figure]:
@@ -59,12 +60,13 @@ def figure(panel: Panel) -> Figure:
     shapes = [shape for element in panel.elements for shape in _shapes(element)]
     if shapes:
         more["shapes"] = shapes
+    if panel.x_range is not None:
+        more["xaxis"] = {"range": list(panel.x_range)}
     if panel.y_range is not None and None not in panel.y_range:
         more["yaxis"] = {"range": list(panel.y_range)}
     if panel.log:
         more["yaxis"] = {"type": "log", "exponentformat": "power"}
-    repeated = panel.note.casefold() == panel.title.casefold()
-    title = panel.title if repeated or not panel.note else f"{panel.title}: {panel.note}"
+    title = _title(panel.title, panel.note)
     if panel.path is None:
         return Figure(panel.name, plot(title, traces, panel.x, panel.y, more))
     x, y = panel.path
@@ -74,7 +76,12 @@ def figure(panel: Panel) -> Figure:
     return Figure(panel.name, drawn, "point", path, len(traces) - 1)
 
 
-def plot(title: str, traces: list[Trace], x: str, y: str, more: Mapping[str, Any]) -> str:
+def _title(text: str, below: str = "") -> Trace:
+    title: Trace = {"text": text, "x": 0.02, "font": {"size": 15}}
+    return title | ({"subtitle": {"text": below, "font": {"size": 12}}} if below else {})
+
+
+def plot(title: Trace, traces: list[Trace], x: str, y: str, more: Mapping[str, Any]) -> str:
     """A figure as JSON, checked by Plotly.
 
     Args:
@@ -82,14 +89,15 @@ def plot(title: str, traces: list[Trace], x: str, y: str, more: Mapping[str, Any
     """
     from plotly import graph_objects
 
+    named = sum(bool(item.get("showlegend")) for item in (*traces, *more.get("shapes", ())))
     layout: dict[str, Any] = {
-        "title": {"text": title, "x": 0.02, "font": {"size": 15}},
+        "title": title,
         "template": "plotly_white",
-        "margin": {"l": 65, "r": 15, "t": 40, "b": 45},
+        "margin": {"l": 65, "r": 15, "t": 60 if "subtitle" in title else 40, "b": 45},
         "xaxis": {"title": {"text": x}},
         "yaxis": {"title": {"text": y}, "zerolinecolor": "#888888", "zerolinewidth": 1},
         "legend": {"orientation": "h", "y": -0.2, "x": 0},
-        "height": 360,
+        "height": 360 + _ENTRY_PX * max(0, named - _ENTRIES),
         "hovermode": "closest",
     }
     for key, value in more.items():
@@ -194,7 +202,8 @@ def crack_map(scene: Scene, cracks: Cracks, end: float) -> Figure:
         "height": 500,
         "legend": {"y": -0.14},
     }
-    return Figure("crack_map", plot(radial_title(cracks), traces, "x [mm]", "y [mm]", more), "map")
+    title = _title("Cracks", radial_title(cracks))
+    return Figure("crack_map", plot(title, traces, "x [mm]", "y [mm]", more), "map")
 
 
 def _arrival(cracks: Cracks, half: Sequence[float], end: float) -> Trace:
