@@ -58,7 +58,7 @@ class Set:
 
 @dataclass(frozen=True)
 class Envelope:
-    """Several records on common times: (n,) each."""
+    """Smallest, mean and largest of several records at common times (s), (n,) each."""
 
     time: Series
     low: Series
@@ -104,8 +104,8 @@ def draw_all(folder: Path, rows: Sequence[Row]) -> list[Path]:
 def make_sets(finished: Sequence[Row], histories: Mapping[str, History]) -> list[Set]:
     """Groups with their histories, in order; at most twelve.
 
-    The homogeneous specimen is drawn over the others and has no panel of its own, unless there is
-    nothing else.
+    The homogeneous specimen is drawn over the others. It has a panel of its own only where there is
+    no other group.
     """
     sets: list[Set] = []
     plain: list[Set] = []
@@ -126,7 +126,7 @@ def make_sets(finished: Sequence[Row], histories: Mapping[str, History]) -> list
 
 
 def _homogeneous(key: Group, by_group: Mapping[Group, list[Row]]) -> list[Row] | None:
-    """The group without disorder that is otherwise the same; keys of the disorder it lacks."""
+    """The group without disorder that is otherwise the same."""
     wanted = dict(key)
     for other, rows in by_group.items():
         same = all(v in (None, wanted[k]) for k, v in other if k != CV)
@@ -161,7 +161,7 @@ def make_panels(
 
 
 def draw_force(figure: Figure, sets: Sequence[Set]) -> None:
-    """Striker force, a panel a group."""
+    """Striker force, one panel for each group."""
     quantity = f"striker force,\nmean over {_MS * SMOOTHING_WINDOW:g} ms [N]"
     panels = _panels(figure, sets, quantity)
     for axes, group in zip(panels, sets, strict=True):
@@ -174,7 +174,7 @@ def draw_force(figure: Figure, sets: Sequence[Set]) -> None:
 
 
 def draw_velocity(figure: Figure, sets: Sequence[Set]) -> None:
-    """Striker velocity, a panel a group."""
+    """Striker velocity, one panel for each group."""
     panels = _panels(figure, sets, "striker velocity,\ntowards the plate [m/s]")
     for axes, group in zip(panels, sets, strict=True):
         _draw_band(axes, group, lambda history: history["striker_velocity_m_s"])
@@ -185,7 +185,7 @@ def draw_velocity(figure: Figure, sets: Sequence[Set]) -> None:
 
 
 def draw_energies(figure: Figure, sets: Sequence[Set]) -> None:
-    """Strain, dissipated and kinetic energy of the plate: a row each, a column a group."""
+    """Strain, dissipated and kinetic energy of the plate: one row each, one column a group."""
     kinds = [
         ("strain energy [J]", "strain_j"),
         ("dissipated damage\nenergy [J]", "fracture_j"),
