@@ -5,7 +5,9 @@ import math
 import numpy as np
 import taichi as ti
 
-from taichi_ldem.solver.dynamics import CORNER, Dynamics, field_apart
+from taichi_ldem.model.topology import CORNER
+from taichi_ldem.solver.dynamics import Dynamics
+from taichi_ldem.solver.state import field_apart
 
 
 @ti.data_oriented
@@ -65,15 +67,15 @@ class Gauge:
         for number in self.nodes:
             node = self.nodes[number]
             place = node // (ny * nx) % nz, node // nx % ny, node % nx
-            moved = self.dynamics.node_displacement(now, CORNER, place[0], place[1], place[2])
+            u = self.dynamics.access.displacement(now, CORNER, place[0], place[1], place[2])
             for axis in ti.static(range(2)):
-                values[number, axis] = ti.cast(moved[axis], ti.f64)
+                values[number, axis] = ti.cast(u[axis], ti.f64)
 
     def strains(self, now: int) -> tuple[float, float]:
         """Engineering strains along and across the specimen at the displacement ``now``."""
-        moved = np.zeros((self.nodes.shape[0], 2))
-        self._gather(now, moved)
-        along, across = self._turn @ moved.T
+        displacement = np.zeros((self.nodes.shape[0], 2))
+        self._gather(now, displacement)
+        along, across = self._turn @ displacement.T
         extension = float((self._means[1] - self._means[0]) @ along)
         widening = float((self._means[3] - self._means[2]) @ across)
         return extension / self.length, widening / self.width

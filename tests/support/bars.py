@@ -3,8 +3,9 @@
 import numpy as np
 import taichi as ti
 
+from taichi_ldem.model.lattice import BARS_PER_SITE
 from taichi_ldem.solver.contact import RigidBody
-from taichi_ldem.solver.dynamics import BARS_PER_SITE, Dynamics
+from taichi_ldem.solver.dynamics import Dynamics
 from taichi_ldem.solver.lanes import HALO
 
 
@@ -18,10 +19,12 @@ class BarForces:
     @ti.kernel
     def row(self, j: int, now: int, spacing: float, peak: float, values: ti.types.ndarray()):
         """Copy the scalars of a row of sites into (S, 14) values."""
-        row = self.dynamics.row_place(j)
+        row = self.dynamics.driver.bar_row(j)
         for k in range(1, self.dynamics.sites[0] - 1):
             for m in range(HALO, HALO + self.dynamics.lanes.length):
-                self.dynamics.column_forces(0, row, now, k, j, m, spacing, peak)
+                at = ti.Struct(strip=0, row=row, k=k, j=j, m=m)
+                step = ti.Struct(now=now, spacing=spacing, peak_strain=peak)
+                self.dynamics.bars.column_forces(at, step)
                 for lane in ti.static(range(self.dynamics.lanes.width)):
                     site = self.dynamics.site_of(m, lane)
                     for bar in ti.static(range(BARS_PER_SITE)):

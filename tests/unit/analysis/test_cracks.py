@@ -38,7 +38,7 @@ def star(*degrees: float, length: float = 25e-3) -> Drawing:
 
 
 def assert_tips(cracks: Cracks, tips: np.ndarray, within: float) -> None:
-    """Each drawn tip has one measured tip nearby, and the other way round."""
+    """Each drawn tip has one measured tip nearby, and vice versa."""
     found = np.array([crack.tip for crack in cracks.radial])
     assert len(found) == len(tips)
     distance = np.linalg.norm(found[:, None] - tips[None], axis=2)
@@ -206,7 +206,7 @@ def test_a_tip_is_followed_in_time() -> None:
     growth, speed = cracks.growth, 26e-3 / (END - START)
     drawn = speed * (time - START)
     known = np.isfinite(growth.tip_radius)
-    # a plate's thickness is core; its outermost pixel belongs to the crack's way
+    # a plate's thickness is core; its outermost pixel belongs to the crack's path
     assert not known[time < START + (3.2e-3 - 1.5 * L) / speed].any()
     assert not known[time > BEFORE_RING].any()
     going = known & (time < END)

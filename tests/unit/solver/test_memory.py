@@ -11,6 +11,7 @@ from support.paths import ROOT
 from taichi_ldem.errors import SceneError
 from taichi_ldem.scene import DISORDERED
 from taichi_ldem.solver import memory
+from taichi_ldem.solver.fields import rows
 
 NOTCH = [{"normal": "x", "position": 2.5e-4, "from": [-1, -1], "to": [1, 1]}]
 
@@ -39,6 +40,12 @@ def test_the_bytes_are_those_of_the_fields(taichi: None, tables: dict) -> None:
     fields = [f for each in dynamics.fields().values() for f in each]
     whole = sum(field_bytes(f) for f in fields if f.shape[-3:] == dynamics.shape)
     assert memory.field_bytes(scene) == whole
+    by_row = {
+        row.name: row.bytes(dynamics.layout) for row in rows(dynamics.features, dynamics.layout)
+    }
+    assert by_row == {
+        name: sum(field_bytes(f) for f in fields) for name, fields in dynamics.fields().items()
+    }
 
 
 PEAK = """
