@@ -26,7 +26,7 @@ import contestants  # noqa: E402
 import report  # noqa: E402
 from layout import SIZES  # noqa: E402
 
-from taichi_ldem import processor  # noqa: E402
+from taichi_ldem.machine import processor_name  # noqa: E402
 
 BUILD = contestants.ROOT / "outputs/bench"
 BASELINE = HERE / "baseline.json"
@@ -90,7 +90,7 @@ def sizes(
     rows = report.merged(BUILD / "sizes.csv", rows)
     report.write_csv(BUILD / "sizes.csv", rows)
     if picture is not None:
-        report.figure(picture, rows, processor.name())
+        report.figure(picture, rows, processor_name())
     told = ", ".join(f"{rate:.1f} GB/s with {t}" for t, rate in reached.items())
     return (
         f"## Cost against size\n\n{rounds} rounds. A copy of large arrays, write-allocate counted, "
@@ -114,7 +114,7 @@ def regression(rounds: int, store: bool) -> int:
         print("nothing to compare with: no C compiler")
         return 1
     stored = json.loads(BASELINE.read_text())
-    model = processor.name()
+    model = processor_name()
     if store:
         stored[model] = {name: round(ratio, 3) for name, ratio in measured.items()}
         BASELINE.write_text(json.dumps(stored, indent=2) + "\n")
@@ -140,7 +140,7 @@ def main() -> int:
     BUILD.mkdir(parents=True, exist_ok=True)
     if options.check:
         return regression(options.rounds, options.store)
-    text = f"# Benchmark\n\n{processor.name()}\n"
+    text = f"# Benchmark\n\n{processor_name()}\n"
     both = options.peers == options.sizes
     if options.peers or both:
         text += "\n" + peers(options.rounds, max(options.threads))

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 import os
-import sys
-from pathlib import Path
 
 from taichi_ldem.errors import SceneError
+from taichi_ldem.machine import available_bytes as available_bytes
+from taichi_ldem.machine import peak_bytes as peak_bytes
 from taichi_ldem.scene import Scene
 from taichi_ldem.solver.fields import Features, Layout, rows
 
@@ -51,16 +50,6 @@ VULKAN_LIMIT = 2**32
 that overwrites the first fields."""
 
 
-def available_bytes() -> int | None:
-    """Bytes that can be taken without swapping, within the limits of a container or a job.
-
-    None where the system does not say.
-    """
-    found = [_free_of_machine(), _free_of_group(Path("/sys/fs/cgroup")), _limit_of_process()]
-    known = [size for size in found if size is not None]
-    return min(known) if known else None
-
-
 def refuse_too_large(scene: Scene) -> None:
     """Raise SceneError where a scene's lattice does not fit into memory."""
     fields = _all_field_bytes(scene)
@@ -79,49 +68,3 @@ def refuse_too_large(scene: Scene) -> None:
         f"{needed:,} bytes of memory, {free:,} are available; take fewer modules (about {fitting}) "
         'or solver.precision = "f32"'
     )
-
-
-def _free_of_machine() -> int | None:
-    with contextlib.suppress(OSError, ValueError):
-        for line in Path("/proc/meminfo").read_text(encoding="ascii").splitlines():
-            if line.startswith("MemAvailable:"):
-                return 1024 * int(line.split()[1])
-    with contextlib.suppress(OSError, ValueError, AttributeError):
-        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    return None
-
-
-def _free_of_group(root: Path) -> int | None:
-    """Bytes that a container's limit leaves (cgroup 2, then 1); caches count as free."""
-    for limit, used, dropped in (
-        ("memory.max", "memory.current", "inactive_file"),
-        ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes", "total_inactive_file"),
-    ):
-        with contextlib.suppress(OSError, ValueError):
-            free = int((root / limit).read_text()) - int((root / used).read_text())
-            for line in (root / limit).with_name("memory.stat").read_text().splitlines():
-                name, _, value = line.partition(" ")
-                free += int(value) if name == dropped else 0
-            return max(free, 0)
-    return None
-
-
-def _limit_of_process() -> int | None:
-    with contextlib.suppress(ImportError, OSError, ValueError):
-        import resource
-
-        limit, _ = resource.getrlimit(resource.RLIMIT_AS)
-        if limit != resource.RLIM_INFINITY:
-            taken = int(Path("/proc/self/statm").read_text().split()[0])
-            return max(limit - taken * resource.getpagesize(), 0)
-    return None
-
-
-def peak_bytes() -> int | None:
-    """Largest resident memory of this process so far, bytes; None where the system does not say."""
-    if sys.platform == "win32":
-        return None
-    import resource
-
-    largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return largest if sys.platform == "darwin" else 1024 * largest

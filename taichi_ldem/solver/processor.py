@@ -1,8 +1,6 @@
-"""This machine's processor, and how wide the code is that Taichi's compiler makes for it."""
+"""How wide the code is that Taichi's compiler makes for this machine's processor."""
 
-import functools
-import platform
-from pathlib import Path
+from taichi_ldem import machine
 
 NARROW, WIDE = 16, 32
 """Bytes of a register that every x86-64 and ARM processor has, and of one of AVX."""
@@ -22,42 +20,19 @@ _KNOWN_AMD = frozenset((23, 25))
 """Families with AVX2 that LLVM 15 knows: Zen 1 to Zen 4 (the last taken for Zen 3)."""
 
 
-@functools.cache
-def _described() -> dict[str, str]:
-    """What Linux says of the first core; empty elsewhere."""
-    try:
-        text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
-    except OSError:
-        return {}
-    lines = (line.partition(":") for line in text.partition("\n\n")[0].splitlines())
-    return {name.strip(): value.strip() for name, _, value in lines}
-
-
-def name() -> str:
-    """What the processor calls itself, with family and model: hypervisors shorten its name."""
-    return _name(_described())
-
-
-def _name(described: dict[str, str]) -> str:
-    shown = described.get("model name") or platform.processor() or platform.machine()
-    if "cpu family" not in described:
-        return shown
-    return f"{shown} (family {described['cpu family']}, model {described.get('model', '?')})"
-
-
 def vector_bytes() -> int:
     """Bytes of the widest registers that Taichi's compiler (LLVM 15) uses here.
 
     For a processor that it does not know by family and model it makes code for any x86-64, with
     16 bytes a register, whatever the processor can do. Wider columns would then spill.
     """
-    return _vector_bytes(_described())
+    return _vector_bytes(machine.processor())
 
 
-def _vector_bytes(described: dict[str, str]) -> int:
-    if "avx2" not in described.get("flags", "").split():
+def _vector_bytes(properties: dict[str, str]) -> int:
+    if "avx2" not in properties.get("flags", "").split():
         return NARROW
-    family, model = (int(described.get(key, "0")) for key in ("cpu family", "model"))
-    intel = described.get("vendor_id") == "GenuineIntel" and family == 6 and model in _KNOWN_INTEL
-    amd = described.get("vendor_id") == "AuthenticAMD" and family in _KNOWN_AMD
+    family, model = (int(properties.get(key, "0")) for key in ("cpu family", "model"))
+    intel = properties.get("vendor_id") == "GenuineIntel" and family == 6 and model in _KNOWN_INTEL
+    amd = properties.get("vendor_id") == "AuthenticAMD" and family in _KNOWN_AMD
     return WIDE if intel or amd else NARROW

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from taichi_ldem import __version__
 from taichi_ldem.errors import SceneError
+from taichi_ldem.machine import available_bytes
 from taichi_ldem.scene import Scene, parse_scene_text, scene_to_toml
-from taichi_ldem.solver.memory import available_bytes
 from taichi_ldem.storage.durable import MemoryFile, sync_folder, write_whole
 from taichi_ldem.storage.provenance import canonical, provenance
 
@@ -215,7 +215,7 @@ class Checkpoints:
     def usable(self, scene: Scene) -> Iterator[tuple[str, Checkpoint]]:
         """Good checkpoints of a scene with their files' names, the latest first.
 
-        What is refused is told on stderr, a line each.
+        A file that is refused is named on stderr with the reason, a line each.
         """
         for name in (LATEST, PREVIOUS):
             path = self._folder / name

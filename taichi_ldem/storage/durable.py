@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import importlib
 import io
 import os
 import socket
@@ -19,16 +18,15 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import h5py
+from filelock import BaseFileLock, FileLock, Timeout
 
 from taichi_ldem.errors import SceneError
-
-# not on Windows, where runs are not locked
-fcntl: Any = importlib.import_module("fcntl") if os.name == "posix" else None
 
 if TYPE_CHECKING:
     from typing_extensions import Buffer
 
 LOCK = "run.lock"
+_NO_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP)
 # A kill cuts a write at the end of a page: the nodes of HDF5's indexes must not cross one.
 _ALIGNED = {"alignment_threshold": 2048, "alignment_interval": 4096}
 _END_OF_FILE = 40
@@ -84,45 +82,67 @@ def _named(error: OSError, path: Path) -> OSError:
 
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold a folder for this process; the lock goes with the process, however that ends.
+    """Hold a folder for this process; the system releases the lock however the process ends.
 
-    The lock file stays behind, unlocked: to remove it would let two processes lock two files of the
-    same name.
+    On a file system that has no locks the folder is not held.
 
     Raises:
         SceneError: another process holds the folder.
     """
-    if fcntl is None:
+    lock = _take(folder)
+    if lock is None:
         yield
         return
-    with open(folder / LOCK, "a+", encoding="utf-8") as file:
-        if not _take(file):
-            file.seek(0)
-            holder = file.read(200).strip() or "another process"
-            raise SceneError(f"run folder '{folder}' is in use by {holder}")
-        file.truncate(0)
-        file.write(f"process {os.getpid()} on {socket.gethostname()}\n")
-        file.flush()
+    try:
+        _write_holder(folder, f"process {os.getpid()} on {socket.gethostname()}\n")
         yield
+    finally:
+        lock.release()
 
 
 def refuse_locked(folder: Path) -> None:
-    """Raise SceneError where another process holds a folder; changes nothing."""
-    if fcntl is None or not (folder / LOCK).is_file():
-        return
-    with open(folder / LOCK, encoding="utf-8") as file:
-        if not _take(file):
-            holder = file.read(200).strip() or "another process"
-            raise SceneError(f"run folder '{folder}' is in use by {holder}")
+    """Raise SceneError where another process holds a folder; the folder stays as it is."""
+    if (folder / LOCK).is_file():
+        lock = _take(folder)
+        if lock is not None:
+            lock.release()
 
 
-def _take(file: io.TextIOWrapper) -> bool:
-    """Whether the lock is ours now; yes on a file system that has no locks."""
+def _take(folder: Path) -> BaseFileLock | None:
+    """The lock of a folder, acquired; None on a file system that has no locks."""
+    holder = _read_holder(folder)
+    lock = FileLock(folder / LOCK, timeout=0, thread_local=False)
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        lock.acquire()
+    except Timeout:
+        if not _read_holder(folder):  # some versions of filelock empty the file first
+            _write_holder(folder, holder)
+        holder = holder.strip() or "another process"
+        raise SceneError(f"run folder '{folder}' is in use by {holder}") from None
+    except NotImplementedError:
+        return None
     except OSError as error:
-        return error.errno not in (errno.EWOULDBLOCK, errno.EAGAIN, errno.EACCES)
-    return True
+        if error.errno in _NO_LOCKS:
+            return None
+        raise
+    return lock
+
+
+# The holder's name begins at the second byte: on Windows a lock denies others the first one.
+
+
+def _read_holder(folder: Path) -> str:
+    with contextlib.suppress(OSError), open(folder / LOCK, "rb", buffering=0) as file:
+        file.seek(1)
+        return file.read(200).decode("utf-8", "replace")
+    return ""
+
+
+def _write_holder(folder: Path, holder: str) -> None:
+    with contextlib.suppress(OSError), open(folder / LOCK, "r+b", buffering=0) as file:
+        file.truncate(1)
+        file.seek(1)
+        file.write(holder.encode())
 
 
 class Appending:

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from taichi_ldem import __version__
+from taichi_ldem.machine import processor_name
 from taichi_ldem.scene import Scene
-from taichi_ldem.solver import processor
 
 PACKAGES = ("taichi", "numpy", "scipy", "h5py", "pydantic")
 
@@ -45,13 +45,13 @@ def _positive_zero(value: Any) -> Any:
 
 def scene_hash(scene: Scene) -> str:
     """SHA-256 of a scene's canonical form: equal for scenes that give the same results."""
-    told = {key: value for key, value in canonical(scene).items() if key not in WITHOUT_EFFECT}
-    text = json.dumps(told, separators=(",", ":"), sort_keys=True, allow_nan=False)
+    effective = {key: value for key, value in canonical(scene).items() if key not in WITHOUT_EFFECT}
+    text = json.dumps(effective, separators=(",", ":"), sort_keys=True, allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def provenance(scene: Scene) -> dict[str, Any]:
-    """What identifies a run in its files; git's state only where this is a checkout."""
+    """Facts that identify a run in its files; git's state only where this is a checkout."""
     return {
         "scene_sha256": scene_hash(scene),
         "version": __version__,
@@ -59,16 +59,16 @@ def provenance(scene: Scene) -> dict[str, Any]:
         "python": platform.python_version(),
         "packages": {name: _version(name) for name in PACKAGES},
         "platform": platform.platform(),
-        "cpu": processor.name(),
+        "cpu": processor_name(),
         "command": shlex.join(sys.argv),
     }
 
 
 def changed_machine(then: Any, now: dict[str, Any]) -> str | None:
-    """What results depend on to the last bit and has changed since a run's record; None: nothing.
+    """Differences from a run's record in what results depend on to the last bit; None without any.
 
     Args:
-        then: of an earlier process of the run; anything, as it comes from a file.
+        then: record of an earlier process of the run; anything, as it comes from a file.
     """
     if not isinstance(then, dict):
         return None

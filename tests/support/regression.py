@@ -113,11 +113,12 @@ def digest(rows: list[list[float]]) -> str:
 
 def kind() -> dict[str, str | None]:
     """What the bits depend on."""
-    from taichi_ldem.solver import processor
+    from taichi_ldem.machine import processor_name
+    from taichi_ldem.solver.processor import vector_bytes
     from taichi_ldem.storage.provenance import _version
 
-    width = str(processor.vector_bytes())
-    return {"cpu": processor.name(), "vector_bytes": width, "taichi": _version("taichi")}
+    width = str(vector_bytes())
+    return {"cpu": processor_name(), "vector_bytes": width, "taichi": _version("taichi")}
 
 
 def stored(name: str) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import pytest
 from support.reference import Body
 
 from taichi_ldem.solver.lanes import HALO, Lanes
-from taichi_ldem.solver.processor import NARROW, WIDE, _name, _vector_bytes, vector_bytes
+from taichi_ldem.solver.processor import NARROW, WIDE, _vector_bytes, vector_bytes
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation
@@ -79,10 +79,3 @@ def test_columns_are_as_wide_as_the_compiler_s_registers(
     described = {"vendor_id": vendor, "cpu family": str(family), "model": str(model)}
     assert _vector_bytes(described | {"flags": flags}) == expected
     assert _vector_bytes({}) == NARROW
-
-
-def test_a_processor_is_named_with_family_and_model() -> None:
-    described = {"model name": "A Xeon", "cpu family": "6", "model": "85"}
-    assert _name(described) == "A Xeon (family 6, model 85)"
-    assert _name({"model name": "Neoverse"}) == "Neoverse"
-    assert _name({})

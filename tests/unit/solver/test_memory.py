@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from support.blocks import DAMAGE, block_scene
@@ -96,23 +95,3 @@ def test_vulkan_reaches_four_gib(monkeypatch: pytest.MonkeyPatch) -> None:
                 memory.refuse_too_large(scene)
         else:
             memory.refuse_too_large(scene)
-
-
-def test_a_container_s_limit_counts(tmp_path: Path) -> None:
-    assert memory._free_of_group(tmp_path) is None
-    for name, text in (
-        ("memory.max", "1000000\n"),
-        ("memory.current", "900000\n"),
-        ("memory.stat", "anon 1\ninactive_file 50000\n"),
-    ):
-        (tmp_path / name).write_text(text)
-    assert memory._free_of_group(tmp_path) == 150_000
-    (tmp_path / "memory.max").write_text("max\n")
-    assert memory._free_of_group(tmp_path) is None
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="/proc")
-def test_this_machine_tells_its_memory() -> None:
-    available = memory.available_bytes()
-    assert available is not None
-    assert 1 << 20 < available < 1 << 50
