@@ -75,7 +75,7 @@ def deviations(mine: dict[str, Any], theirs: dict[str, Any], precision: str) -> 
 
 def cracking(arch: str, precision: str, out: Path) -> dict[str, Any]:
     """History of the small plate on a backend."""
-    from taichi_ldem.storage.store import RunFolder
+    from taichi_ldem.storage.folder import RunFolder
 
     run_scene("impact.toml", arch, precision, out, CRACKING)
     return RunFolder.open(out).read_history()

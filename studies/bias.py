@@ -26,7 +26,7 @@ from taichi_ldem.ensemble.plan import CV, MEMBERS, SEED, read_plan
 from taichi_ldem.ensemble.results import Row, read_rows, statistics
 from taichi_ldem.errors import SceneError
 from taichi_ldem.scenarios.measure import measure_run
-from taichi_ldem.storage.store import RunFolder
+from taichi_ldem.storage.folder import RunFolder
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

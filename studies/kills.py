@@ -20,7 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from taichi_ldem.storage.store import RunFolder, read_broken_bars, read_fields, read_times
+from taichi_ldem.storage.fields import read_broken_bars, read_fields, read_times
+from taichi_ldem.storage.folder import RunFolder
 
 INTERVAL = 0.3
 """Seconds of wall time between two checkpoints."""

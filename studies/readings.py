@@ -123,7 +123,7 @@ def figure(folder: Path, file: Path) -> None:
     from matplotlib import pyplot as plt
 
     from taichi_ldem.analysis.signals import smooth_force
-    from taichi_ldem.storage.store import RunFolder
+    from taichi_ldem.storage.folder import RunFolder
 
     drawing = plt.figure(figsize=(10, 6), layout="constrained")
     axes = drawing.add_subplot()

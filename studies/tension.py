@@ -215,7 +215,7 @@ def _run_weak(arguments: list[str]) -> int:
 def _numbers(folder: Path) -> dict[str, Any]:
     """Summary of a run with what the tables need beside it."""
     from taichi_ldem.scene import load_scene
-    from taichi_ldem.storage.store import RunFolder
+    from taichi_ldem.storage.folder import RunFolder
 
     run = RunFolder(folder)
     s, history, scene = run.read_summary(), run.read_history(), load_scene(run.scene_file)
@@ -313,7 +313,7 @@ def tables(folder: Path) -> str:
 def _stress_strain(axes: "Axes", folder: Path, case: Case, *, grips: bool) -> None:
     """Stress over gauge strain, or over the separation of the grips, until the specimen parts."""
     from taichi_ldem.analysis.stress_strain import curve, rows_until_parted
-    from taichi_ldem.storage.store import RunFolder
+    from taichi_ldem.storage.folder import RunFolder
 
     history = RunFolder(folder / case.name).read_history()
     section = json.loads((folder / case.name / "summary.json").read_text())["net_section_m2"]

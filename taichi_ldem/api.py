@@ -28,7 +28,7 @@ from taichi_ldem.errors import SceneError
 from taichi_ldem.scenarios.registry import entry_of
 from taichi_ldem.scene import Scene, load_scene, parse_scene
 from taichi_ldem.solver import backend
-from taichi_ldem.storage.store import RunFolder
+from taichi_ldem.storage.folder import RunFolder
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Sample
@@ -43,7 +43,7 @@ class BrokenBars:
 
     Attributes:
         position: (n, 3) mid-points at rest, m.
-        bar: (n,) 0 to 13, see ``taichi_ldem.storage.store.BAR_NUMBERING``.
+        bar: (n,) 0 to 13, see ``taichi_ldem.storage.fields.BAR_NUMBERING``.
     """
 
     position: FloatArray

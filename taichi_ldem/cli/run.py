@@ -97,7 +97,7 @@ def run(entry: Scenario, scene_file: Path, given: dict[str, Any]) -> None:
             raise typer.Exit(instead(scene, out, scene_file.stem, quiet=given["quiet"]))
     folder = Path("outputs", scene_file.stem) if out is None else out
 
-    from taichi_ldem.storage.store import RunFolder
+    from taichi_ldem.storage.folder import RunFolder
 
     RunFolder.check(folder, force=given["force"])
 

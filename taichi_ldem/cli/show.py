@@ -66,7 +66,7 @@ def render(
     """
     from taichi_ldem.output.render.snapshots import render_run, render_shots_into
     from taichi_ldem.output.render.views import Shot, parse_section
-    from taichi_ldem.storage.store import RunFolder
+    from taichi_ldem.storage.folder import RunFolder
 
     run = RunFolder.open(folder)
     given = {"view": view, "azimuth": azimuth, "elevation": elevation, "colour": colour}
@@ -91,7 +91,7 @@ def plot(folder: Folder) -> None:
     from taichi_ldem.ensemble.report import is_ensemble
     from taichi_ldem.ensemble.report import report as report_ensemble
     from taichi_ldem.output.figures.run import plot_run
-    from taichi_ldem.storage.store import RunFolder
+    from taichi_ldem.storage.folder import RunFolder
 
     ensemble = is_ensemble(folder)
     list_files(report_ensemble(folder) if ensemble else plot_run(RunFolder.open(folder)))

@@ -27,7 +27,7 @@ from taichi_ldem.errors import SceneError
 from taichi_ldem.scenarios.registry import SCENARIOS
 from taichi_ldem.storage.checkpoint import LATEST, PREVIOUS
 from taichi_ldem.storage.durable import refuse_locked, write_whole
-from taichi_ldem.storage.store import RunFolder
+from taichi_ldem.storage.folder import RunFolder
 
 POLL = 0.2
 """Interval at which a child is checked, s."""

@@ -29,7 +29,7 @@ from taichi_ldem.ensemble.plan import MEMBERS, Member, Plan
 from taichi_ldem.ensemble.pools import Pool
 from taichi_ldem.errors import ExitCode
 from taichi_ldem.scenarios.interrupts import signals_call
-from taichi_ldem.storage.store import RunFolder
+from taichi_ldem.storage.folder import RunFolder
 
 RETRIES = 1
 """Number of further attempts at a member that did not finish. Nothing else retries."""

@@ -23,7 +23,7 @@ from taichi_ldem.output.curves.forces import experiments_force, papers_velocity
 from taichi_ldem.output.figures.cracks import sheet
 from taichi_ldem.output.figures.draw import draw_elements, save
 from taichi_ldem.scenarios.measure import measure_run
-from taichi_ldem.storage.store import RunFolder
+from taichi_ldem.storage.folder import RunFolder
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -18,7 +18,7 @@ from taichi_ldem.ensemble.attempt import FINISHED, Outcome, is_finished, read_at
 from taichi_ldem.ensemble.plan import MEMBERS, Member, Plan
 from taichi_ldem.scenarios.registry import entry_of
 from taichi_ldem.storage.durable import write_whole
-from taichi_ldem.storage.store import RunFolder
+from taichi_ldem.storage.folder import RunFolder
 
 COST = ("wall_s", "compile_s", "bars_per_s", "steps", "bars", "nodes")
 CONFIDENCE = 0.95

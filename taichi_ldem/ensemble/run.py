@@ -17,7 +17,7 @@ from taichi_ldem.ensemble.results import read_rows, write_statistics, write_tabl
 from taichi_ldem.errors import ExitCode, SceneError
 from taichi_ldem.scenarios.progress import make_console
 from taichi_ldem.storage.durable import LOCK
-from taichi_ldem.storage.store import RunFolder
+from taichi_ldem.storage.folder import RunFolder
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from taichi_ldem.analysis.paper import is_papers_test
 from taichi_ldem.analysis.signals import SMOOTHING_WINDOW
 from taichi_ldem.scenarios.registry import SCENARIOS
 from taichi_ldem.scene import Scene, load_scene
-from taichi_ldem.storage.store import RunFolder
+from taichi_ldem.storage.folder import RunFolder
 
 if TYPE_CHECKING:
     from taichi_ldem.analysis.cracks import Cracks

@@ -11,7 +11,7 @@ import numpy as np
 from taichi_ldem.errors import SceneError
 from taichi_ldem.output.render.snapshots import render_shot
 from taichi_ldem.output.render.views import Shot
-from taichi_ldem.storage.store import RunFolder
+from taichi_ldem.storage.folder import RunFolder
 
 SUFFIXES = (".mp4", ".gif")
 _COLOURS = 192  # of a GIF

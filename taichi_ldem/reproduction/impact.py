@@ -10,7 +10,7 @@ from taichi_ldem.analysis import paper
 from taichi_ldem.errors import SceneError
 from taichi_ldem.model.material import failure_strain
 from taichi_ldem.reproduction.sections import Context, Row, Section, pictures, scaled
-from taichi_ldem.storage.store import RunFolder
+from taichi_ldem.storage.folder import RunFolder
 
 
 def modes(context: Context) -> Section:

@@ -15,7 +15,7 @@ from taichi_ldem.model.disorder import shape_from_cv
 from taichi_ldem.model.material import bar_families, failure_strain
 from taichi_ldem.reproduction.sections import Context, Row, Section, pictures, scaled
 from taichi_ldem.scene import load_scene
-from taichi_ldem.storage.store import RunFolder
+from taichi_ldem.storage.folder import RunFolder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from taichi_ldem.scene import Scene, load_scene
-from taichi_ldem.storage.store import RunFolder
+from taichi_ldem.storage.folder import RunFolder
 
 
 @dataclass(frozen=True)

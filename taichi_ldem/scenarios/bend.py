@@ -22,7 +22,7 @@ from taichi_ldem.model import material as mat
 from taichi_ldem.model.lattice import BAR_VECTORS, BARS_PER_SITE, DIAGONAL, Lattice, bar_weights
 from taichi_ldem.scenarios.runner import History
 from taichi_ldem.scene import Notch, Scene
-from taichi_ldem.storage.store import RunFolder
+from taichi_ldem.storage.folder import RunFolder
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation

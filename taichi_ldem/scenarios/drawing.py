@@ -6,7 +6,7 @@ Scenarios import neither Matplotlib nor the package ``output``.
 from pathlib import Path
 from typing import Any, Protocol
 
-from taichi_ldem.storage.store import RunFolder
+from taichi_ldem.storage.folder import RunFolder
 
 
 class Draw(Protocol):

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from taichi_ldem.storage.fields import FieldWriter, hexahedral_mesh
+from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.storage.provenance import provenance
-from taichi_ldem.storage.store import FieldWriter, RunFolder, hexahedral_mesh
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Sample, Simulation

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from taichi_ldem.analysis import signals
 from taichi_ldem.scenarios.runner import History
-from taichi_ldem.storage.store import RunFolder
+from taichi_ldem.storage.folder import RunFolder
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation

@@ -8,7 +8,7 @@ from taichi_ldem.scenarios.drawing import Draw
 from taichi_ldem.scenarios.registry import Scenario, entry_of, resumable
 from taichi_ldem.scenarios.runner import Summary
 from taichi_ldem.scene import Scene, load_scene
-from taichi_ldem.storage.store import RunFolder
+from taichi_ldem.storage.folder import RunFolder
 
 
 def run(

@@ -5,7 +5,8 @@ from __future__ import annotations
 from taichi_ldem.analysis.cracks import Cracks, measure
 from taichi_ldem.analysis.signals import energy_failure
 from taichi_ldem.scene import load_scene
-from taichi_ldem.storage.store import RunFolder, read_broken_bars
+from taichi_ldem.storage.fields import read_broken_bars
+from taichi_ldem.storage.folder import RunFolder
 
 
 def measure_run(folder: RunFolder) -> Cracks | None:

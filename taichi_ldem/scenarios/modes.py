@@ -20,7 +20,8 @@ from taichi_ldem.scenarios.progress import make_console
 from taichi_ldem.scene import Modes, Scene, scene_to_toml
 from taichi_ldem.solver import backend
 from taichi_ldem.solver.memory import peak_bytes
-from taichi_ldem.storage.store import RunFolder, hexahedral_mesh, write_vectors
+from taichi_ldem.storage.fields import hexahedral_mesh, write_vectors
+from taichi_ldem.storage.folder import RunFolder
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.dynamics import Dynamics

@@ -27,8 +27,9 @@ from taichi_ldem.scenarios.registry import entry_of
 from taichi_ldem.scene import Scene, load_scene, parse_scene, scene_to_toml
 from taichi_ldem.solver import backend
 from taichi_ldem.solver.memory import peak_bytes, refuse_too_large
+from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.storage.history import HistoryWriter
 from taichi_ldem.storage.provenance import changed_machine, provenance
-from taichi_ldem.storage.store import HistoryWriter, RunFolder
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Sample, Simulation

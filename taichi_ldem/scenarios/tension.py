@@ -12,7 +12,7 @@ from taichi_ldem.analysis.stress_strain import (
     rows_until_parted,
 )
 from taichi_ldem.scenarios.runner import History
-from taichi_ldem.storage.store import RunFolder
+from taichi_ldem.storage.folder import RunFolder
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation

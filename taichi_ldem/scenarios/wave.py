@@ -26,7 +26,8 @@ from taichi_ldem.scenarios import runner
 from taichi_ldem.scenarios.drawing import Draw
 from taichi_ldem.scenarios.runner import History, Instrument
 from taichi_ldem.scene import Pulse, Scene
-from taichi_ldem.storage.store import HistoryWriter, RunFolder
+from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.storage.history import HistoryWriter
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Sample, Simulation

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_ldem.analysis import signals
-from taichi_ldem.storage.store import RunFolder
+from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.studies.convergence_runs import SEED_REACH
 
 if TYPE_CHECKING:

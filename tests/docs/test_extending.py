@@ -13,7 +13,9 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "extending.md"
 
-BLOCKS = re.findall(r"^```python\n# (\S+?\.py)(: [^\n]*)?\n(.*?)^```", PAGE.read_text(), re.M | re.S)
+BLOCKS = re.findall(
+    r"^```python\n# (\S+?\.py)(: [^\n]*)?\n(.*?)^```", PAGE.read_text(), re.M | re.S
+)
 """(file of the package, "" or where in it, text) of the page's examples, in their order."""
 
 

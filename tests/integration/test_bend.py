@@ -15,7 +15,8 @@ from taichi_ldem.model import material as mat
 from taichi_ldem.model.lattice import Lattice, prism
 from taichi_ldem.scenarios import bend
 from taichi_ldem.scene import Notch, Scene, load_scene
-from taichi_ldem.storage.store import BrokenBars, RunFolder, read_broken_bars
+from taichi_ldem.storage.fields import BrokenBars, read_broken_bars
+from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.studies.compliance import lattice_compliance
 
 if TYPE_CHECKING:

@@ -15,7 +15,8 @@ from taichi_ldem.scenarios import runner
 from taichi_ldem.scenarios.measure import measure_run
 from taichi_ldem.scenarios.progress import newtons
 from taichi_ldem.solver.backend import vulkan_device
-from taichi_ldem.storage.store import RunFolder, read_broken_bars, read_fields
+from taichi_ldem.storage.fields import read_broken_bars, read_fields
+from taichi_ldem.storage.folder import RunFolder
 
 
 @pytest.fixture(scope="module")

@@ -22,8 +22,8 @@ from taichi_ldem.scenarios.registry import SCENARIOS
 from taichi_ldem.scene import parse_scene_text
 from taichi_ldem.storage import checkpoint as cp
 from taichi_ldem.storage.durable import MemoryFile
+from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.storage.provenance import scene_hash
-from taichi_ldem.storage.store import RunFolder
 
 # -- the state, in one process a precision ---------------------------------------------------------
 

@@ -16,7 +16,8 @@ from support.reference import Body
 from taichi_ldem.cli import main
 from taichi_ldem.model import material as mat
 from taichi_ldem.scenarios.tension import initial_slope
-from taichi_ldem.storage.store import RunFolder, read_broken_bars
+from taichi_ldem.storage.fields import read_broken_bars
+from taichi_ldem.storage.folder import RunFolder
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation

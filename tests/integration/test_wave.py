@@ -13,7 +13,7 @@ from taichi_ldem.cli import main
 from taichi_ldem.errors import SceneError
 from taichi_ldem.scenarios.wave import delay, phase_difference
 from taichi_ldem.scene import load_scene
-from taichi_ldem.storage.store import RunFolder
+from taichi_ldem.storage.folder import RunFolder
 
 SHEAR = [  # a block 24 x 40 x 40 modules, along another axis
     "plate.size=[0.0096, 0.016, 0.016]",

@@ -13,7 +13,8 @@ import pytest
 from support.command import COMMAND, SCENE, WITHOUT_VULKAN, ldem
 
 from taichi_ldem.storage import checkpoint as cp
-from taichi_ldem.storage.store import RunFolder, read_times
+from taichi_ldem.storage.fields import read_times
+from taichi_ldem.storage.folder import RunFolder
 
 UNWRITABLE = 4
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from taichi_ldem.scene import Plate
-from taichi_ldem.storage.store import BrokenBars
+from taichi_ldem.storage.fields import BrokenBars
 
 PLATE = Plate(size=(0.0928, 0.0928, 0.0032), modules_through_thickness=6)  # the paper's
 START, END, RING = 1.5e-3, 7.0e-3, 7.5e-3

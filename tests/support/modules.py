@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from taichi_ldem.storage.store import Fields, hexahedral_mesh
+from taichi_ldem.storage.fields import Fields, hexahedral_mesh
 
 
 def fields_of(mask: np.ndarray, broken: np.ndarray, displacement: float = 0.0) -> Fields:

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from taichi_ldem.storage.store import FieldWriter, HistoryWriter, RunFolder, hexahedral_mesh
+from taichi_ldem.storage.fields import FieldWriter, hexahedral_mesh
+from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.storage.history import HistoryWriter
 
 SCENE = """
 scenario = "impact"

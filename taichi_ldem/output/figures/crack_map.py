@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from taichi_ldem.model.lattice import dumbbell_half_width
 from taichi_ldem.output.loaded import LoadedRun, Series
 from taichi_ldem.scene import Plate, Scene
-from taichi_ldem.storage.store import read_broken_bars, read_fields, read_times
+from taichi_ldem.storage.fields import read_broken_bars, read_fields, read_times
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

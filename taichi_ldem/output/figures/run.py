@@ -15,7 +15,8 @@ from taichi_ldem.output.figures.cracks import growth, overlay
 from taichi_ldem.output.figures.draw import draw_elements, draw_panels, name_times, save
 from taichi_ldem.output.loaded import LoadedRun
 from taichi_ldem.scenarios.registry import SCENARIOS
-from taichi_ldem.storage.store import RunFolder, read_broken_bars
+from taichi_ldem.storage.fields import read_broken_bars
+from taichi_ldem.storage.folder import RunFolder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

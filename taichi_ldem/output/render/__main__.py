@@ -25,7 +25,8 @@ from taichi_ldem.output.render.surfaces import exterior, notched
 from taichi_ldem.output.render.views import VIEWS, Shot, View, view_of
 from taichi_ldem.scene import Scene, load_scene
 from taichi_ldem.solver.backend import vulkan_device
-from taichi_ldem.storage.store import Fields, RunFolder, read_fields
+from taichi_ldem.storage.fields import Fields, read_fields
+from taichi_ldem.storage.folder import RunFolder
 
 FloatArray = NDArray[np.floating[Any]]
 

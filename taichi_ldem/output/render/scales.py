@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from taichi_ldem.output.render.surfaces import FAILED_SHARE, holding
 from taichi_ldem.scene import Scene, load_scene
-from taichi_ldem.storage.store import Fields, RunFolder, read_fields
+from taichi_ldem.storage.fields import Fields, read_fields
+from taichi_ldem.storage.folder import RunFolder
 
 if TYPE_CHECKING:
     from matplotlib.colors import Colormap, Normalize

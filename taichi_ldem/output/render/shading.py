@@ -11,7 +11,7 @@ from taichi_ldem.output.render.bodies import Bodies
 from taichi_ldem.output.render.scales import Scale
 from taichi_ldem.output.render.surfaces import Surface
 from taichi_ldem.output.render.views import Panel
-from taichi_ldem.storage.store import Fields
+from taichi_ldem.storage.fields import Fields
 
 if TYPE_CHECKING:
     from taichi_ldem.output.render.painter import Painter

@@ -26,7 +26,8 @@ from taichi_ldem.errors import SceneError
 from taichi_ldem.output.render.names import EXIT_NO_DEVICE, milliseconds, shot_name, view_name
 from taichi_ldem.output.render.views import VIEWS, Shot
 from taichi_ldem.scene import load_scene
-from taichi_ldem.storage.store import RunFolder, read_times
+from taichi_ldem.storage.fields import read_times
+from taichi_ldem.storage.folder import RunFolder
 
 NO_DEVICE = (
     "no pictures: there is no Vulkan device; "

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_ldem.scene import Notch
-from taichi_ldem.storage.store import Fields
+from taichi_ldem.storage.fields import Fields
 
 FloatArray = NDArray[np.floating[Any]]
 

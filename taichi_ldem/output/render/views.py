@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from taichi_ldem.errors import SceneError
 from taichi_ldem.output.render.scales import Colour
-from taichi_ldem.storage.store import Fields
+from taichi_ldem.storage.fields import Fields
 
 FloatArray = NDArray[np.floating[Any]]
 

@@ -15,7 +15,8 @@ from taichi_ldem.errors import SceneError
 from taichi_ldem.output.loaded import LoadedRun
 from taichi_ldem.output.render.surfaces import FAILED_SHARE
 from taichi_ldem.output.report.page import Picture, Snapshots
-from taichi_ldem.storage.store import RunFolder, read_fields, read_times
+from taichi_ldem.storage.fields import read_fields, read_times
+from taichi_ldem.storage.folder import RunFolder
 
 _WIDTH_PX = 800
 MISSING = (

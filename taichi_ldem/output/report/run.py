@@ -22,7 +22,7 @@ from taichi_ldem.output.report.write import template, write_page
 from taichi_ldem.scenarios.describe import implied, left_out, warnings
 from taichi_ldem.scenarios.registry import SCENARIOS
 from taichi_ldem.scene import DISORDERED, Scene, load_scene
-from taichi_ldem.storage.store import RunFolder
+from taichi_ldem.storage.folder import RunFolder
 
 PICTURES = 12
 """Times at which the plate is drawn, at most."""

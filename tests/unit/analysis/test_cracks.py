@@ -19,7 +19,8 @@ from taichi_ldem.analysis.cracks import (
 from taichi_ldem.model.lattice import Lattice, prism
 from taichi_ldem.scenarios.measure import measure_run
 from taichi_ldem.scene import Plate, parse_scene
-from taichi_ldem.storage.store import BAR_NUMBERING, BrokenBars, RunFolder
+from taichi_ldem.storage.fields import BAR_NUMBERING, BrokenBars
+from taichi_ldem.storage.folder import RunFolder
 
 L = PLATE.spacing  # m
 BEFORE_RING = 7.3e-3  # s, between END and RING of the drawings

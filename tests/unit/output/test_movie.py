@@ -12,7 +12,7 @@ from taichi_ldem.cli import main
 from taichi_ldem.errors import SceneError
 from taichi_ldem.output.movie import _palette, _write_gif, check
 from taichi_ldem.solver.backend import vulkan_device
-from taichi_ldem.storage.store import RunFolder
+from taichi_ldem.storage.folder import RunFolder
 
 needs_vulkan = pytest.mark.skipif(
     not vulkan_device(), reason="no Vulkan device: apt install mesa-vulkan-drivers"

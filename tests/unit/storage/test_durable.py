@@ -13,14 +13,14 @@ import pytest
 
 from taichi_ldem.errors import SceneError
 from taichi_ldem.storage import durable
-from taichi_ldem.storage.store import (
+from taichi_ldem.storage.fields import (
     FieldWriter,
-    HistoryWriter,
     hexahedral_mesh,
     read_broken_bars,
     read_fields,
     read_times,
 )
+from taichi_ldem.storage.history import HistoryWriter
 
 PAGE = 4096  # a kill may cut a write at a page of the cache, not within one
 

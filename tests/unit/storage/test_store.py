@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 from taichi_ldem.errors import SceneError
-from taichi_ldem.storage.store import (
+from taichi_ldem.storage.fields import (
     FieldWriter,
-    HistoryWriter,
-    RunFolder,
     hexahedral_mesh,
     read_broken_bars,
     read_fields,
     read_times,
 )
+from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.storage.history import HistoryWriter
 
 
 def one_line(error: pytest.ExceptionInfo[SceneError]) -> str:
@@ -276,7 +276,7 @@ def test_an_interrupted_append_is_not_seen_and_is_overwritten(tmp_path):
 def test_fields_open_after_a_kill_between_writes(tmp_path):
     code = (
         "import os, sys, signal, numpy as np\n"
-        "from taichi_ldem.storage.store import FieldWriter, hexahedral_mesh\n"
+        "from taichi_ldem.storage.fields import FieldWriter, hexahedral_mesh\n"
         "p, h, _ = hexahedral_mesh(np.ones((1, 2, 2), dtype=bool), 1.0, (0, 0, 0))\n"
         "w = FieldWriter(sys.argv[1], p, h)\n"
         "w.append(0.0, p, p, np.zeros(4)); w.append(1.0, 2 * p, p, np.ones(4))\n"

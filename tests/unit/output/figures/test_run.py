@@ -7,7 +7,8 @@ from matplotlib.image import imread
 from support.synthetic import COLUMNS, synthetic_run
 
 from taichi_ldem.output.figures.run import plot_run
-from taichi_ldem.storage.store import FieldWriter, RunFolder, hexahedral_mesh
+from taichi_ldem.storage.fields import FieldWriter, hexahedral_mesh
+from taichi_ldem.storage.folder import RunFolder
 
 ALL = [
     "force.png",

@@ -7,7 +7,7 @@ from support.synthetic import synthetic_run
 from taichi_ldem.output.render.bodies import bodies_at
 from taichi_ldem.output.render.views import rotation_of
 from taichi_ldem.scene import load_scene
-from taichi_ldem.storage.store import RunFolder
+from taichi_ldem.storage.folder import RunFolder
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from support.synthetic import synthetic_run
 from taichi_ldem.output.render import snapshots as render
 from taichi_ldem.output.render.snapshots import NO_DEVICE, render_run
 from taichi_ldem.solver.backend import vulkan_device
-from taichi_ldem.storage.store import RunFolder
+from taichi_ldem.storage.folder import RunFolder
 
 needs_vulkan = pytest.mark.skipif(
     not vulkan_device(), reason="no Vulkan device: apt install mesa-vulkan-drivers"

@@ -18,7 +18,8 @@ from taichi_ldem.errors import SceneError
 from taichi_ldem.output.loaded import LoadedRun
 from taichi_ldem.output.report.run import lead, write_report
 from taichi_ldem.output.report.write import template
-from taichi_ldem.storage.store import HistoryWriter, RunFolder
+from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.storage.history import HistoryWriter
 
 
 @pytest.fixture(scope="module")
