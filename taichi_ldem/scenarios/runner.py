@@ -26,6 +26,7 @@ from taichi_ldem.errors import SceneError
 from taichi_ldem.scenarios.describe import implied, warnings
 from taichi_ldem.scene import Scene, load_scene, parse_scene, scene_to_toml
 from taichi_ldem.solver import backend
+from taichi_ldem.solver.contact import bodies_of, observables
 from taichi_ldem.solver.memory import peak_bytes, refuse_too_large
 from taichi_ldem.storage.provenance import changed_machine, provenance
 from taichi_ldem.storage.store import FieldWriter, HistoryWriter, RunFolder, hexahedral_mesh
@@ -41,49 +42,32 @@ LINES = 20
 
 def columns(scene: Scene) -> list[str]:
     """Names of the history's columns: those of features that the scene names."""
-    damping, striker = scene.solver.damping > 0, scene.striker is not None
-    gravity = scene.striker is not None and scene.striker.gravity > 0
-    grips = scene.grips is not None
+    present = bodies_of(scene)
+    own = [observable for body in present for observable in body.observables]
     names = {
         "time_s": True,
-        "striker_displacement_m": striker,
-        "striker_velocity_m_s": striker,
-        "striker_force_n": striker,
-        "ring_force_n": scene.held,
-        "grip_displacement_m": grips,
-        "grip_force_n": grips,
-        "gauge_strain": grips,
-        "gauge_lateral_strain": grips,
-        "support_force_n": scene.supports is not None,
+        **{o.column: True for o in own if not o.energy},
         "kinetic_plate_j": True,
-        "kinetic_striker_j": striker,
+        **{o.column: True for o in own if o.energy},
         "strain_j": True,
         "fracture_j": scene.material.damage,
-        "damping_j": damping,
-        "contact_j": striker or scene.held or scene.supports is not None,
-        "external_j": gravity or grips,
+        "damping_j": scene.solver.damping > 0,
+        "contact_j": any(body.dissipates for body in present),
+        "external_j": any(body.works(scene) for body in present),
         "energy_error": True,
         "broken_bars": scene.material.damage,
     }
-    return [name for name, present in names.items() if present]
+    return [name for name, shown in names.items() if shown]
 
 
 def row(sample: "Sample") -> dict[str, float | int | None]:
-    """A sample under the names of the history's columns."""
-    ledger = sample.ledger
+    """A sample under the names of the history's columns: None for bodies that it lacks."""
+    ledger, observed = sample.ledger, sample.observed
     values = {
         "time_s": sample.time,
-        "striker_displacement_m": sample.striker_displacement,
-        "striker_velocity_m_s": sample.striker_velocity,
-        "striker_force_n": sample.striker_force,
-        "ring_force_n": sample.ring_force,
-        "grip_displacement_m": sample.grip_displacement,
-        "grip_force_n": sample.grip_force,
-        "gauge_strain": sample.gauge_strain,
-        "gauge_lateral_strain": sample.gauge_lateral_strain,
-        "support_force_n": sample.support_force,
+        **{o.column: observed.get(o.column) for o in observables(energy=False)},
         "kinetic_plate_j": ledger.kinetic_plate,
-        "kinetic_striker_j": ledger.kinetic_striker,
+        **{o.column: observed.get(o.column, 0.0) for o in observables(energy=True)},
         "strain_j": ledger.strain,
         "fracture_j": ledger.fracture,
         "damping_j": ledger.damping,
@@ -96,7 +80,7 @@ def row(sample: "Sample") -> dict[str, float | int | None]:
 
 
 def _plain(value: float | int | None) -> float | int | None:
-    """The value; 0 for the negative zero of a force that is turned round."""
+    """The value; 0 for the negative zero of a force whose sign was changed."""
     return 0.0 if isinstance(value, float) and value == 0 else value
 
 
@@ -479,8 +463,9 @@ def _tell_unwritable(work: _Work, error: OSError) -> None:
 def _finish(work: _Work, summary: Summary, wall: float, compiled: float) -> None:
     """Write the numbers of a finished run."""
     scene, history = work.simulation.scene, work.history
-    if scene.striker is not None and not any(r["striker_force_n"] for r in history):
-        print("warning: the striker never touched the plate (striker.gap?)", file=sys.stderr)
+    for body in bodies_of(scene):
+        for line in body.warnings(history):
+            print(f"warning: {line}", file=sys.stderr)
     numbers = summary(work.simulation, history)
     numbers |= cost(work.simulation, history, wall, compiled)
     work.folder.write_summary(numbers | {"provenance": provenance(scene)})
@@ -505,7 +490,7 @@ def _announce(
 
 
 def _step_through(console: Console, work: _Work) -> None:
-    from taichi_ldem.solver.simulation import WARN_ERROR
+    from taichi_ldem.solver.guard import WARN_ERROR
 
     warned = False
     with _progress(console, work.simulation) as tell:
@@ -525,8 +510,10 @@ def _progress(console: Console, simulation: "Simulation") -> Iterator[Any]:
     end = simulation.scene.solver.duration
     begun, first = time.perf_counter(), simulation.step_number
 
+    shown = [body.force for body in bodies_of(simulation.scene) if body.force is not None]
+
     def text(sample: "Sample") -> str:
-        given = sample.striker_force if sample.grip_force is None else sample.grip_force
+        given = sample.observed[shown[-1]] if shown else None
         force = "" if given is None else f"  F {_newtons(given)} N"
         return (
             f"t {1e3 * sample.time:8.4f} ms  step {sample.step:7d}{force}  "
