@@ -1,4 +1,4 @@
-"""Watch a run with a callback, and stop it when a crack has grown to a given size."""
+"""Watch a run with a callback, and stop it when the cracks have grown to a given radius."""
 
 from pathlib import Path
 
@@ -7,12 +7,12 @@ import numpy as np
 from taichi_ldem import Simulation
 
 simulation = Simulation(Path(__file__).parent / "plate.toml")
-reach: list[tuple[float, float]] = []
+reach: list[tuple[float, float]] = []  # time, s, and radius of the outermost broken bar, m
 
 
 @simulation.on_sample
 def watch(simulation: Simulation, sample) -> None:
-    """Note how far from the axis bars are broken; stop at 2 mm."""
+    """Record how far from the axis bars are broken, and stop the run at 2 mm."""
     if sample.broken_bars:
         x, y, _ = simulation.broken_bars.position.T
         reach.append((sample.time, np.hypot(x, y).max()))

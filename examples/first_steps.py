@@ -1,4 +1,4 @@
-"""Load a scene, change it, run a part of it, look at arrays, run on."""
+"""Load a scene, change it, run a part of it, look at the arrays, and run on to the end."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ with Simulation(scene) as simulation:
     depth = -1e3 * simulation.displacement[lowest, 2]
     print(f"deepest: {depth:.3f} mm at x = {x:.2f}, y = {y:.2f}, z = {z:.2f} mm")
 
-    simulation.step(100)  # nothing is measured in between
+    simulation.step(100)  # no sample is taken in between
     speed = np.linalg.norm(simulation.velocity, axis=1).max()
     print(f"fastest node at {1e6 * simulation.time:.1f} us: {speed:.1f} m/s")
 

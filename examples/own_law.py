@@ -1,6 +1,7 @@
-"""A softening law of one's own, and a block parted at a plane to see what that costs.
+"""Define a softening law, and pull a block apart at a plane to measure what that costs.
 
-The branch is a parabola: of its force at eps_p a bar keeps ((eps_f - eps)/(eps_f - eps_p))^2.
+The branch is a parabola: at the peak strain eps, a bar carries ((eps_f - eps)/(eps_f - eps_p))^2 of
+its force at eps_p.
 Everything is in units of eps_p and EA eps_p (see taichi_ldem/solver/laws.py); the area under the
 whole law must be K_r/2, so that a bar costs G_f A^f: 1/2 + (failure - 1)/3 = K_r/2.
 """
@@ -16,19 +17,19 @@ from taichi_ldem.solver.laws import Law, register
 @ti.func
 def softening(peak, failure, _):
     """Force over EA eps_p at peak strain 1 < peak < failure."""
-    left = (failure - peak) / (failure - 1)
-    return left * left
+    remaining = (failure - peak) / (failure - 1)
+    return remaining * remaining
 
 
 @ti.func
 def area(peak, failure, _):
     """Integral of the branch from 1 to peak."""
-    left = (failure - peak) / (failure - 1)
-    return (failure - 1) / 3 * (1 - left * left * left)
+    remaining = (failure - peak) / (failure - 1)
+    return (failure - 1) / 3 * (1 - remaining * remaining * remaining)
 
 
 def parameters(ductility: float) -> tuple[float, float]:
-    """K_r -> peak strain at failure, and a second parameter that this law has no use for."""
+    """K_r -> peak strain at failure; the second parameter is not used."""
     return 1 + 1.5 * (ductility - 1), 0.0
 
 
@@ -55,7 +56,7 @@ with Simulation(scene) as simulation:
         displacement = np.zeros((*beyond.shape, 3))
         displacement[beyond, 0] = opening
         dynamics.set_displacement(0, displacement)
-        dynamics.get_acceleration(0)  # brings every bar up to date
+        dynamics.get_acceleration(0)  # evaluates every bar
     engine.energies.potential(0)
     fracture = engine.energies.total()[FRACTURE]
 area_of_crack = scene.plate.size[1] * scene.plate.size[2]

@@ -1,4 +1,4 @@
-"""Several simulations in one process, as in a notebook: another striker speed each time."""
+"""Run several simulations in one process, as in a notebook, each with another striker speed."""
 
 from pathlib import Path
 
@@ -13,4 +13,4 @@ for speed in (3.5, 5.0):
     print(
         f"{speed:11.1f}  {history['striker_force_n'].max():17.0f}  {history['broken_bars'][-1]:.0f}"
     )
-# Each new simulation has closed the one before and given its memory back; what was read stays.
+# Each new simulation closes the one before and gives its memory back; arrays that were read stay.

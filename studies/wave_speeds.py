@@ -204,7 +204,7 @@ def figures(rows: list[dict[str, Any]], scene: Scene, folder: Path) -> None:
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    from taichi_ldem.output.figures.run import STYLE
+    from taichi_ldem.output.figures.draw import STYLE
     from taichi_ldem.output.figures.wave import draw_anisotropy, draw_directions
 
     with rc_context(STYLE):
@@ -212,7 +212,7 @@ def figures(rows: list[dict[str, Any]], scene: Scene, folder: Path) -> None:
         draw_directions(figure, scene, rows, DIRECTIONS)
         figure.savefig(folder / "dispersion.png")
         figure = Figure(figsize=(12.0, 9.0), dpi=130, layout="constrained")
-        draw_anisotropy(figure, folder, scene, {}, rows)
+        draw_anisotropy(figure, scene, rows)
         figure.savefig(folder / "anisotropy.png")
 
 

@@ -1,4 +1,4 @@
-"""Names of a plate's modes from their shapes, and the frequencies that thin-plate theory gives.
+"""Names of a plate's modes from their shapes, and the frequencies of thin-plate theory.
 
 A mode of a plate that is held along a circle is (m, n): m nodal diameters, n nodal circles inside
 the clamped one. Its shape is taken on the mid-plane.
@@ -27,7 +27,7 @@ The lattice has the symmetry of a square: pairs of odd m are exactly degenerate,
 
 @dataclass(frozen=True)
 class Name:
-    """What a mode is.
+    """The kind of a mode, and its nodal lines.
 
     Attributes:
         kind: "plate" (bending inside the circle), "in-plane" (mostly motion in the plane),
@@ -70,9 +70,9 @@ def nodal_lines(x: Array, y: Array, deflection: Array, radius: float) -> tuple[i
 
 
 def groups(names: list[Name], frequencies: Array) -> list[list[int]]:
-    """Modes that belong together, in ascending order: degenerate ones, and pairs (m, n), m > 0.
+    """Groups of modes in ascending order: degenerate modes, and pairs (m, n) with m > 0.
 
-    A pair of even m is split on a square lattice: it is told by its name alone.
+    A square lattice splits pairs of even m, which are therefore recognised by their names alone.
     """
     found: list[list[int]] = []
     for number, (name, frequency) in enumerate(zip(names, frequencies, strict=True)):

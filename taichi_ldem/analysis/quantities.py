@@ -1,4 +1,4 @@
-"""Names, units and digits of a summary's numbers: the same on every page and in every table."""
+"""Labels, units and digits of the numbers in summaries and histories, for pages and tables."""
 
 from __future__ import annotations
 
@@ -10,20 +10,22 @@ from typing import Any
 
 from taichi_ldem.scene import Scene
 
-_NOTHING = 1e-3  # of the largest of a list: what is less is shown as 0
+_NOTHING = 1e-3  # share of the largest of a list, below which a number is shown as 0
 
 
 @dataclass(frozen=True)
 class Number:
-    """How a number of ``summary.json`` is shown.
+    """How a number of a summary or a column of a history is shown.
 
     Attributes:
         factor: from SI to ``unit``.
+        positive: direction of a positive value, where that is not clear from the label.
     """
 
     label: str
     unit: str = ""
     factor: float = 1.0
+    positive: str = ""
 
     @property
     def title(self) -> str:
@@ -42,8 +44,8 @@ class Number:
             return f"{value:,.0f}"  # a count
         return three_digits(self.factor * value)
 
-    def told(self, value: Any) -> str:
-        """The same with its unit."""
+    def with_unit(self, value: Any) -> str:
+        """The same, followed by the unit."""
         return f"{self.shown(value)} {'' if value is None else self.unit}".strip()
 
 
@@ -107,6 +109,20 @@ NUMBERS: dict[str, Number] = {
     "peak_force_n": Number("peak force", "N"),
     "peak_time_s": Number("time of the peak", *_MS),
     "peak_work_j": Number("work at the peak", "mJ", 1e3),
+    "striker_displacement_m": Number("striker displacement", *_MM),
+    "striker_velocity_m_s": Number("striker velocity", "m/s"),
+    "striker_force_n": Number("striker force", "N"),
+    "ring_force_n": Number("ring force", "N", positive="upwards"),
+    "support_force_n": Number("support force", "N"),
+    "grip_force_n": Number("grip force", "N"),
+    "grip_displacement_m": Number("grip displacement", *_MM),
+    "gauge_strain": Number("gauge strain", "%", 100.0),
+    "gauge_lateral_strain": Number("lateral strain", "%", 100.0),
+    "strain_j": Number("strain energy", "J"),
+    "kinetic_plate_j": Number("kinetic energy of the plate", "J"),
+    "kinetic_striker_j": Number("kinetic energy of the striker", "J"),
+    "damping_j": Number("lost by damping", "J"),
+    "external_j": Number("work of gravity or grips", "J"),
     "energy_error": Number("energy error, of the initial energy", "%", 100.0),
     "energy_error_of_plate": Number("energy error, of what the plate was given", "%", 100.0),
     "wall_s": Number("time of stepping", "s"),
@@ -123,8 +139,10 @@ NUMBERS: dict[str, Number] = {
     "disorder.seed": Number("seed"),
     "peak_memory_bytes": Number("largest memory of the process", "MB", 1e-6),
 }
+AT_T2 = ("radial_cracks", "radial_diameter_m")
+"""Numbers that are measured at t2 (energy), or at the end of a record without it."""
 MEASURED_AT_END = "measured at the end: no failure by the strain energy"
-"""Of radial cracks and d_r in a record without t2 (energy)."""
+"""The remark on ``AT_T2`` in a record without t2 (energy)."""
 
 
 _ENDINGS = {
@@ -141,7 +159,10 @@ _ENDINGS = {
 
 
 def named(key: str) -> Number:
-    """How a number is shown; a scene's key as it is, of another unknown one the words, in SI."""
+    """How a number is shown.
+
+    A key of a scene is its own label. An unknown number is labelled by its words, in SI units.
+    """
     if "." in key and key not in NUMBERS:
         return Number(key, unit_of(key))
     if key in NUMBERS:
@@ -151,7 +172,7 @@ def named(key: str) -> Number:
 
 
 def at_end(numbers: Mapping[str, Any]) -> bool:
-    """Whether radial cracks were measured at the end, for want of a failure."""
+    """Whether radial cracks were measured at the end, since the record has no failure."""
     measured = numbers.get("radial_diameter_m") is not None or bool(numbers.get("radial_cracks"))
     return measured and numbers.get("failure_time_energy_s") is None
 
@@ -162,7 +183,7 @@ _UNIT = re.compile(
 
 
 def unit_of(key: str) -> str:
-    """Unit of a scene's key ("striker.mass"), from the schema's words; "" where it has none."""
+    """Unit of a scene's key ("striker.mass"), from the key's description; "" where it has none."""
     table, _, name = key.partition(".")
     field = Scene.model_fields.get(table)
     kinds = [field.annotation, *getattr(field.annotation, "__args__", ())] if field else []

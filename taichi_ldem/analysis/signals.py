@@ -1,24 +1,23 @@
-"""Numbers read off a force record: defined once, used everywhere.
+"""Numbers that are read from the records of forces, energies and velocities.
 
-Forces are smoothed by a zero-phase moving average over 0.2 ms (a third of the first free
-oscillation's period of the paper's specimen, so that oscillations show and sampling noise does
-not).
+Forces are smoothed by a zero-phase moving average over 0.2 ms. That is a third of the period of
+the first free oscillation of the paper's specimen: oscillations remain, sampling noise does not.
 
 - Damage onset: the first sample whose dissipated energy exceeds a thousandth of G_f H^2, the energy
-  of a crack through the thickness H and as long: fracture energy leaves zero.
+  of a crack through the thickness H that is H long.
 - First peak (P1, t1): the first maximum of the smoothed force, from damage onset on, after which it
   falls by 3 % before it exceeds that maximum again.
 - Failure time (t2): the first time from damage onset on at which the smoothed force is below half
   of the largest before it.
-- Second peak (P2): the largest smoothed force between the minimum that follows the first peak and
-  failure, if the force falls by 3 % after it; a record that ends before has none, nor has a plate
+- Second peak (P2): the largest smoothed force between failure and the minimum after the first peak,
+  if the force falls by 3 % after it. A record that ends earlier has none, and neither has a plate
   that fails at its first peak.
 
-The paper advises to read t2 off records without oscillations (text on Figs. 13 and 14):
+The paper advises to read t2 from records without oscillations (text on Figs. 13 and 14):
 
-- t2 from the strain energy: the time of its largest value, where it falls below half of it later.
-- t2 from the velocity: where the striker's deceleration, by the change of velocity over 0.2 ms,
-  falls most, if less than half of it is left from 0.2 ms later on to the end of the record.
+- t2 from the strain energy: the time of its largest value, if it later falls below half of that.
+- t2 from the velocity: the time at which the striker's deceleration (change of velocity over
+  0.2 ms) falls most, if the mean deceleration from 0.2 ms later to the end is less than half.
 
 Filtered force (Fig. 11(a)): low-pass at a free-oscillation frequency of the specimen, for t > t1.
 ASTM D3763: load and deflection at the largest load, energy to it, and total energy.
@@ -41,7 +40,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ForcePeaks:
-    """Peaks of a force record (N, s); None where the record does not show one."""
+    """Peaks of a force record, N, their times and the time of failure, s; None: there is none."""
 
     first_force: float | None = None
     first_time: float | None = None
@@ -52,11 +51,11 @@ class ForcePeaks:
 
 @dataclass(frozen=True)
 class Puncture:
-    """Quantities of ASTM D3763; None where the striker never pressed.
+    """Quantities of ASTM D3763; None if the striker never touched the plate.
 
     Attributes:
         peak_load: largest smoothed force (see the module), N. peak_time: its time, s.
-        peak_deflection: way of the striker from the start to that time, m.
+        peak_deflection: displacement of the striker from the start to that time, m.
         peak_energy: work of the force on the plate to that time, J.
         total_energy: to the end of the record, J.
     """
@@ -114,7 +113,7 @@ def force_peaks(time: Array, force: Array, onset: float | None) -> ForcePeaks:
     end = _failure(smooth, begin)
     if end < len(time):
         found = replace(found, failure_time=float(time[end]))
-    # the valley after the first peak ends where the force has come back by as much as it fell
+    # the valley after the first peak ends where the force has risen by as much as it fell
     lowest = np.minimum.accumulate(smooth[first:end])
     back = np.flatnonzero(smooth[first:end] > lowest + PEAK_DROP * smooth[first])
     if len(back) == 0:
@@ -166,7 +165,7 @@ def velocity_failure(time: Array, velocity: Array, onset: float | None) -> float
         return None
     step = float(time[1] - time[0])
     width = max(1, round(SMOOTHING_WINDOW / step))
-    # near the end of the record half of the window is enough to tell
+    # near the end of the record half of the window is enough
     index = np.arange(max(width, int(np.searchsorted(time, onset))), len(time) - (width + 1) // 2)
     if not len(index):
         return None
@@ -174,10 +173,10 @@ def velocity_failure(time: Array, velocity: Array, onset: float | None) -> float
     before = (velocity[index - width] - velocity[index]) / (width * step)
     later = (velocity[index] - velocity[after]) / (time[after] - time[index])
     kink = int(np.argmax(before - later))
-    # failure takes up to half a millisecond: what counts is what is left of it in the end
+    # failure takes up to half a millisecond, so that the deceleration in the end decides
     start = min(int(index[kink]) + width, len(time) - 1 - (width + 1) // 2)
-    left = (velocity[start] - velocity[-1]) / (time[-1] - time[start])
-    if before[kink] <= 0 or left >= FAILURE_SHARE * before[kink]:
+    remaining = (velocity[start] - velocity[-1]) / (time[-1] - time[start])
+    if before[kink] <= 0 or remaining >= FAILURE_SHARE * before[kink]:
         return None
     return float(time[index[kink]])
 
@@ -203,7 +202,7 @@ def low_pass(time: Array, force: Array, cutoff: float, start: float | None) -> A
         return filtered
     rate = 1 / float(time[1] - time[0])
     sections = butter(FILTER_ORDER, cutoff, fs=rate, output="sos")
-    # the record is mirrored for three periods at either end, so that the filter's start is over
+    # the record is mirrored for three periods at either end, after which the filter has settled
     mirrored = min(len(force) - begin - 1, math.ceil(3 * rate / cutoff))
     filtered[begin:] = sosfiltfilt(sections, force[begin:], padlen=mirrored)
     return filtered

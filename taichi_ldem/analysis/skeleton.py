@@ -1,6 +1,6 @@
-"""Skeletons of cracked pixels: thinning, the graph of a skeleton, ways from its ends to a core.
+"""Skeletons of cracked pixels: thinning, its graph, the paths from its ends to a core.
 
-Works on masks (nx, ny) and counts in pixels.
+The functions take masks (nx, ny) and count in pixels.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ Pixels = NDArray[np.int64]
 
 
 def closed(mask: Mask) -> Mask:
-    """The map with gaps of a pixel bridged and pinholes filled."""
+    """The mask with gaps of one pixel bridged and pinholes of up to four pixels filled."""
     from scipy import ndimage
 
     padded = np.pad(mask, 2)
@@ -37,10 +37,10 @@ def thin(mask: Mask) -> Mask:
 
 
 class Skeleton:
-    """The skeleton of a map as a graph of pixels, with the shortest ways from its ends to the core.
+    """The skeleton of a map as a graph of pixels, with the shortest paths from its ends.
 
-    Thinning takes about half a crack's width off an end: a way begins at the outermost of those
-    cracked pixels to which the skeleton's end is the nearest point of the skeleton.
+    Thinning removes about half a crack's width at each end. A path therefore begins at the
+    outermost of those cracked pixels to which the skeleton's end is the nearest skeleton pixel.
     """
 
     def __init__(self, mask: Mask, core: Mask, radius: NDArray[np.float64]):
@@ -68,36 +68,38 @@ class Skeleton:
         self.cracked = self.cracked[np.argsort(radius[tuple(self.cracked.T)], kind="stable")]
         self.nearest = tree.query(self.cracked)[1]
 
-    def ways(self) -> list[Pixels]:
+    def paths(self) -> list[Pixels]:
         """Pixels (n, 2) from each end outside of the core to the first pixel in the core."""
         found = []
         for node in np.flatnonzero(~self.in_core & np.isfinite(self.distance)):
             near = self.graph.indices[self.graph.indptr[node] : self.graph.indptr[node + 1]]
-            beside = self.pixels[near]
-            # two neighbours that touch each other are one: the last bend of a staircase
-            if len(near) == 1 or (len(near) == 2 and np.abs(beside[0] - beside[1]).sum() == 1):
-                found.append(self._way(int(node)))
+            neighbours = self.pixels[near]
+            # two neighbours that touch each other count as one: the last bend of a staircase
+            if len(near) == 1 or (
+                len(near) == 2 and np.abs(neighbours[0] - neighbours[1]).sum() == 1
+            ):
+                found.append(self._path(int(node)))
         return found
 
-    def _way(self, end: int) -> Pixels:
+    def _path(self, end: int) -> Pixels:
         nodes = [end]
         while not self.in_core[nodes[-1]]:
             nodes.append(int(self.before[nodes[-1]]))
-        way: Pixels = self.pixels[nodes]
+        path: Pixels = self.pixels[nodes]
         outermost = self.cracked[self.nearest == end][-1]
-        return way if (outermost == way[0]).all() else np.vstack([outermost, way])
+        return path if (outermost == path[0]).all() else np.vstack([outermost, path])
 
 
-def way_length(way: Pixels) -> float:
-    """Length of a way, in pixels."""
-    return float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+def path_length(path: Pixels) -> float:
+    """Length of a path (n, 2), in pixels."""
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
 
 
 def pixel_lengths(skeleton: Mask) -> NDArray[np.float64]:
-    """Length in pixels that each of a skeleton's pixels stands for, in the order of argwhere.
+    """Length in pixels that each pixel of a skeleton represents, in the order of argwhere.
 
-    Half of the way to each neighbour along the axes, and to each diagonal one with which it has no
-    common neighbour along the axes.
+    Half of the distance to each neighbour along the axes, and to each diagonal neighbour with
+    which the pixel shares no neighbour along the axes.
     """
     padded = np.pad(skeleton, 1)
     total = np.zeros(padded.shape)

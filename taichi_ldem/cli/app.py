@@ -293,7 +293,8 @@ def render(
 
     With a view, camera, section or colour of its own a snapshot is one picture, shot_MSms_VIEW.png.
     """
-    from taichi_ldem.output.render.snapshots import Shot, parse_section, render_run
+    from taichi_ldem.output.render.snapshots import render_run
+    from taichi_ldem.output.render.views import Shot, parse_section
     from taichi_ldem.storage.store import RunFolder
 
     run = RunFolder.open(folder)
@@ -340,9 +341,13 @@ def report(
     ] = 12,
 ) -> None:
     """Write one HTML page about a run or an ensemble; it opens from disk, without a network."""
-    from taichi_ldem.output.report.page import write_report
+    from taichi_ldem.ensemble import page
+    from taichi_ldem.output.report.run import write_report
 
-    typer.echo(write_report(folder, out, pictures=pictures))
+    if page.has_members(folder):
+        typer.echo(page.write_report(folder, out))
+    else:
+        typer.echo(write_report(folder, out, pictures=pictures))
 
 
 @app.command()

@@ -12,15 +12,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_ldem.analysis.cracks import Cracks, measure_run
-from taichi_ldem.analysis.paper import P1_N, P2_N, T1_S, T2_S, V_MAX_S, is_papers_test
+from taichi_ldem.analysis.cracks import Cracks
+from taichi_ldem.analysis.paper import is_papers_test
 from taichi_ldem.analysis.signals import SMOOTHING_WINDOW, smooth_force
 from taichi_ldem.ensemble.attempt import FINISHED
 from taichi_ldem.ensemble.plan import CV, MEMBERS, SEED
 from taichi_ldem.ensemble.results import Row, groups, numbers_of
 from taichi_ldem.ensemble.table3 import label
+from taichi_ldem.output.curves.forces import experiments_force, papers_velocity
 from taichi_ldem.output.figures.cracks import sheet
-from taichi_ldem.output.figures.run import STYLE
+from taichi_ldem.output.figures.draw import draw_elements, save
+from taichi_ldem.scenarios.measure import measure_run
 from taichi_ldem.storage.store import RunFolder
 
 if TYPE_CHECKING:
@@ -56,7 +58,7 @@ class Set:
 
 @dataclass(frozen=True)
 class Envelope:
-    """Several records on common times: (n,) each."""
+    """Smallest, mean and largest of several records at common times (s), (n,) each."""
 
     time: Series
     low: Series
@@ -77,14 +79,10 @@ def envelope(records: Sequence[tuple[Series, Series]]) -> Envelope:
 
 
 def draw_all(folder: Path, rows: Sequence[Row]) -> list[Path]:
-    """Draw what the finished members have the data for; the pictures written."""
+    """Draw the figures that the finished members have data for; returns the pictures written."""
     finished = [row for row in rows if row.state == FINISHED]
     if not finished or any(row.member.scene.striker is None for row in finished):
         return []
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     runs = {row.member.name: RunFolder(folder / MEMBERS / row.member.name) for row in finished}
     histories = {name: run.read_history() for name, run in runs.items()}
     sets = make_sets(finished, histories)
@@ -100,22 +98,14 @@ def draw_all(folder: Path, rows: Sequence[Row]) -> list[Path]:
             ("cracks_at_t2", lambda figure: sheet(figure, panels, final=False)),
             ("cracks_at_end", lambda figure: sheet(figure, panels, final=True)),
         ]
-    written = []
-    for name, draw in draws:
-        with rc_context(STYLE):
-            figure = Figure(dpi=130, layout="constrained")
-            FigureCanvasAgg(figure)
-            draw(figure)
-            written.append(folder / f"{name}.png")
-            figure.savefig(written[-1])
-    return written
+    return [save(folder / f"{name}.png", draw, dpi=130) for name, draw in draws]
 
 
 def make_sets(finished: Sequence[Row], histories: Mapping[str, History]) -> list[Set]:
     """Groups with their histories, in order; at most twelve.
 
-    The homogeneous specimen is drawn over the others and has no panel of its own, unless there is
-    nothing else.
+    The homogeneous specimen is drawn over the others. It has a panel of its own only where there is
+    no other group.
     """
     sets: list[Set] = []
     plain: list[Set] = []
@@ -136,7 +126,7 @@ def make_sets(finished: Sequence[Row], histories: Mapping[str, History]) -> list
 
 
 def _homogeneous(key: Group, by_group: Mapping[Group, list[Row]]) -> list[Row] | None:
-    """The group without disorder that is otherwise the same; keys of the disorder it lacks."""
+    """The group without disorder that is otherwise the same."""
     wanted = dict(key)
     for other, rows in by_group.items():
         same = all(v in (None, wanted[k]) for k, v in other if k != CV)
@@ -171,34 +161,31 @@ def make_panels(
 
 
 def draw_force(figure: Figure, sets: Sequence[Set]) -> None:
-    """Striker force, a panel a group."""
+    """Striker force, one panel for each group."""
     quantity = f"striker force,\nmean over {_MS * SMOOTHING_WINDOW:g} ms [N]"
     panels = _panels(figure, sets, quantity)
     for axes, group in zip(panels, sets, strict=True):
         _draw_band(axes, group, _force)
         _mark_times(axes, group)
         if group.papers:
-            _mark_papers_force(axes)
+            draw_elements(axes, experiments_force())
         axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
     _finish(figure, panels, "Force on the striker over time")
 
 
 def draw_velocity(figure: Figure, sets: Sequence[Set]) -> None:
-    """Striker velocity, a panel a group."""
+    """Striker velocity, one panel for each group."""
     panels = _panels(figure, sets, "striker velocity,\ntowards the plate [m/s]")
     for axes, group in zip(panels, sets, strict=True):
         _draw_band(axes, group, lambda history: history["striker_velocity_m_s"])
         _mark_times(axes, group)
         if group.papers:
-            text = f"experiments, largest velocity at ~{_MS * V_MAX_S:g} ms"
-            axes.axvline(_MS * V_MAX_S, color="C3", linestyle=":", linewidth=1.5, label=text)
-            text = f"experiments, $t_2$ from {_MS * T2_S[0]:g} to {_MS * T2_S[1]:g} ms"
-            axes.axvspan(_MS * T2_S[0], _MS * T2_S[1], color="C3", alpha=0.12, lw=0, label=text)
+            draw_elements(axes, papers_velocity())
     _finish(figure, panels, "Velocity of the striker over time")
 
 
 def draw_energies(figure: Figure, sets: Sequence[Set]) -> None:
-    """Strain, dissipated and kinetic energy of the plate: a row each, a column a group."""
+    """Strain, dissipated and kinetic energy of the plate: one row each, one column a group."""
     kinds = [
         ("strain energy [J]", "strain_j"),
         ("dissipated damage\nenergy [J]", "fracture_j"),
@@ -266,17 +253,6 @@ def _mark_times(axes: Axes, group: Set) -> None:
         style: dict[str, Any] = {"color": color, "markersize": 16, "markeredgewidth": 2.0}
         if len(at):
             axes.plot(at, np.full(len(at), 0.03), "|", transform=place, label=text, **style)
-
-
-def _mark_papers_force(axes: Axes) -> None:
-    from matplotlib.patches import Rectangle
-
-    text = f"experiments, $P_1$ ~ {P1_N:.0f} N at {_MS * T1_S:g} ms"
-    axes.plot(_MS * T1_S, P1_N, "D", color="C3", markersize=9, fillstyle="none", label=text)
-    corner, width = (_MS * T2_S[0], P2_N[0]), _MS * (T2_S[1] - T2_S[0])
-    text = "experiments, $P_2$ and $t_2$"
-    box = Rectangle(corner, width, P2_N[1] - P2_N[0], color="C3", alpha=0.15, lw=0, label=text)
-    axes.add_patch(box)
 
 
 def _finish(figure: Figure, panels: Sequence[Axes], title: str) -> None:

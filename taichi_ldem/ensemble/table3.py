@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from taichi_ldem.analysis.paper import EXPERIMENTS, P1_N, P2_N, T1_S, T2_S, TABLE_3, is_papers_test
-from taichi_ldem.analysis.quantities import at_end
+from taichi_ldem.analysis.quantities import AT_T2, at_end
 from taichi_ldem.ensemble.attempt import FINISHED
 from taichi_ldem.ensemble.plan import CV, SEED, Plan
 from taichi_ldem.ensemble.results import Row, groups, numbers_of, statistics
@@ -36,7 +36,6 @@ member has none. d_r: circle through the radial tips at t2 (energy), the largest
 measured at the end, for want of a failure by the strain energy; d_c: circle through the circular
 crack at the end; onset: dissipated energy leaves zero.
 """
-AT_T2 = ("radial_cracks", "radial_diameter_m")
 
 
 def label(group: Sequence[tuple[str, Any]]) -> str:

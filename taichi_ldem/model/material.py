@@ -1,159 +1,34 @@
-"""From material constants to bars: Eqs. (1), (2) and (4) to (13) of the paper, as pure functions.
+"""A scene's material as bars: the paper's formulas, and whether the lattice is fine enough."""
 
-Where the printed numbers disagree with the printed equations, the default follows what can be
-derived and the printed variant stays selectable by name (docs/theory.md tells them apart).
-"""
+from taichi_ldem.scene import Scene
+from taichi_ldem.scene.checks import LARGE_SIDE, refuse_coarse
+from taichi_ldem.scene.equations import (
+    DIAGONAL_LENGTH,
+    BarFamily,
+    Bars,
+    axial_stiffness,
+    bar_families,
+    delta,
+    elastic_constants,
+    failure_strain,
+    fracture_areas,
+    phi,
+)
 
-import math
-from dataclasses import dataclass
-
-from taichi_ldem.errors import SceneError
-from taichi_ldem.scene import Material, Scene
-
-DIAGONAL_LENGTH = math.sqrt(3) / 2
-"""Length of a diagonal bar over that of a longitudinal one."""
-
-LARGE_SIDE = 1.0
-"""Side of a plate, m, above which millimetres are more likely."""
-
-
-def delta(poisson_ratio: float) -> float:
-    """delta = 9 nu / (4 - 8 nu), below Eq. (1)."""
-    return 9 * poisson_ratio / (4 - 8 * poisson_ratio)
-
-
-def phi(poisson_ratio: float) -> float:
-    """phi = (9 + 8 delta) / (18 + 24 delta), below Eq. (1)."""
-    d = delta(poisson_ratio)
-    return (9 + 8 * d) / (18 + 24 * d)
-
-
-def axial_stiffness(
-    youngs_modulus: float, poisson_ratio: float, spacing: float, variant: str = "equation-2"
-) -> tuple[float, float]:
-    """Axial stiffness EA of longitudinal and diagonal bars, N: Eqs. (1), (2).
-
-    Args:
-        variant: "equation-2", or "as-printed": the EA_d that the paper prints (195.10 N beside EA_l
-            = 375.47 N), in which phi was counted twice.
-    """
-    longitudinal = phi(poisson_ratio) * youngs_modulus * spacing**2
-    diagonal = 2 / math.sqrt(3) * delta(poisson_ratio) * longitudinal
-    if variant == "as-printed":
-        diagonal *= phi(poisson_ratio)
-    return longitudinal, diagonal
-
-
-def elastic_constants(
-    youngs_modulus: float, poisson_ratio: float, variant: str = "equation-2"
-) -> tuple[float, float, float]:
-    """C11, C12, C44 that the lattice really has, Pa (exactly isotropic for nu = 0.25 with Eq. (2)).
-
-    Per volume L^3 the lattice holds six longitudinal bars (two along each axis) and eight
-    diagonals: C11 = 2 EA_l/L^2 + (8/9) (sqrt(3)/2) EA_d/L^2 and C12 = C44 = (8/9) (sqrt(3)/2)
-    EA_d/L^2.
-    """
-    longitudinal, diagonal = axial_stiffness(youngs_modulus, poisson_ratio, 1.0, variant)
-    shear = 8 / 9 * DIAGONAL_LENGTH * diagonal
-    return 2 * longitudinal + shear, shear, shear
-
-
-def fracture_areas(poisson_ratio: float, variant: str = "derived") -> tuple[float, float]:
-    """Equivalent fracture areas of longitudinal and diagonal bars over L^2: Eqs. (5) to (8).
-
-    A plane normal to a cube edge, between node planes, cuts two longitudinal and four diagonal bars
-    per L^2, so 2 A_l + 4 A_d = 1 with A_d/A_l = EA_d/EA_l (Eq. (5)): c_A = 1/(2 + 8 delta/sqrt(3)),
-    which Eq. (6) rounds to 3/22 for nu = 0.25.
-
-    Args:
-        variant: "derived", or "paper": Eqs. (7), (8) as printed, which swap the two families.
-    """
-    if variant == "paper":
-        return 4 / 22, 3 / 22
-    c_a = 1 / (2 + 8 * delta(poisson_ratio) / math.sqrt(3))
-    return c_a, 2 / math.sqrt(3) * delta(poisson_ratio) * c_a
-
-
-@dataclass(frozen=True)
-class BarFamily:
-    """What one family of bars is made of.
-
-    Attributes:
-        length: m.
-        axial_stiffness: EA, N.
-        fracture_area: A^f, m2 (0 without damage).
-        peak_strain: eps_p, where damage starts (0 without damage).
-        limit_strain: eps_r, where the bilinear law ends (0 without damage).
-        critical_length: L_cr, Eq. (13), m (0 without damage).
-    """
-
-    length: float
-    axial_stiffness: float
-    fracture_area: float = 0.0
-    peak_strain: float = 0.0
-    limit_strain: float = 0.0
-    critical_length: float = 0.0
-
-    @property
-    def ductility(self) -> float:
-        """K_r = eps_r / eps_p, Eq. (11)."""
-        return self.limit_strain / self.peak_strain
-
-    @property
-    def energy_to_break(self) -> float:
-        """Energy that a whole bar dissipates, J: triangle OAB in Fig. 2 times its length."""
-        return 0.5 * self.axial_stiffness * self.peak_strain * self.limit_strain * self.length
-
-
-@dataclass(frozen=True)
-class Bars:
-    """The two bar families of a lattice."""
-
-    longitudinal: BarFamily
-    diagonal: BarFamily
-
-
-def failure_strain(material: Material) -> float:
-    """eps_p: given, or from Eq. (9), R_f sqrt(G_f / E)."""
-    if material.failure_strain is not None:
-        return material.failure_strain
-    if material.failure_factor is None or material.fracture_energy is None:
-        raise SceneError(
-            "material: damage needs fracture_energy and failure_factor, or failure_strain"
-        )
-    return material.failure_factor * math.sqrt(material.fracture_energy / material.youngs_modulus)
-
-
-def bar_families(material: Material, spacing: float, stiffness_variant: str = "equation-2") -> Bars:
-    """Both bar families of a lattice of module edge ``spacing`` (m), without judging K_r.
-
-    With damage: K_r from Eq. (12), or from the scene's limit strain.
-    """
-    nu = material.poisson_ratio
-    stiffness = axial_stiffness(material.youngs_modulus, nu, spacing, stiffness_variant)
-    lengths = (spacing, DIAGONAL_LENGTH * spacing)
-    if not material.damage:
-        return Bars(*(BarFamily(ln, ea) for ln, ea in zip(lengths, stiffness, strict=True)))
-    assert material.fracture_energy is not None  # the scene refuses damage without it
-    eps_p = failure_strain(material)
-    families = []
-    for length, ea, share in zip(
-        lengths, stiffness, fracture_areas(nu, material.fracture_areas), strict=True
-    ):
-        area = share * spacing**2
-        # Eq. (13), with A_i = EA_i / E; it grows with L^2 / L^2, so it does not depend on L
-        critical = 2 * material.fracture_energy * area / (ea * eps_p**2)
-        limit = material.limit_strain
-        families.append(
-            BarFamily(length, ea, area, eps_p, limit or eps_p * critical / length, critical)
-        )
-    return Bars(*families)
-
-
-def _rounded_up(strain: float) -> str:
-    """A strain to five digits that is not below it: it may be copied into a scene."""
-    text = f"{strain:.5g}"
-    return text if float(text) >= strain else f"{strain * (1 + 5e-5):.5g}"
+__all__ = [
+    "DIAGONAL_LENGTH",
+    "LARGE_SIDE",
+    "BarFamily",
+    "Bars",
+    "axial_stiffness",
+    "bar_families",
+    "check",
+    "delta",
+    "elastic_constants",
+    "failure_strain",
+    "fracture_areas",
+    "phi",
+]
 
 
 def check(scene: Scene, name: str = "") -> Bars:
@@ -166,27 +41,4 @@ def check(scene: Scene, name: str = "") -> Bars:
         SceneError: with damage on, K_r < 1 for a family (Eq. (13)): the message names the largest
             admissible module edge and the number of modules that gives it, or the limit strain.
     """
-    plate = scene.plate
-    where = f"{name}: " if name else ""
-    bars = bar_families(scene.material, plate.spacing, plate.stiffness)
-    if not scene.material.damage:
-        return bars
-    for kind, family in (("longitudinal", bars.longitudinal), ("diagonal", bars.diagonal)):
-        if family.ductility < 1 and scene.material.limit_strain is not None:
-            raise SceneError(
-                f"{where}material.limit_strain = {scene.material.limit_strain}: must be at least "
-                f"the failure strain eps_p = {_rounded_up(family.peak_strain)}"
-            )
-        if family.ductility < 1:
-            largest = family.critical_length * plate.spacing / family.length
-            modules = math.ceil(plate.size[2] / largest)
-            metres = max(plate.size) > LARGE_SIDE
-            raise SceneError(
-                f"{where}plate.modules_through_thickness = {plate.modules_through_thickness}: "
-                f"K_r = {family.ductility:.3f} < 1 for {kind} bars (Eq. 12), too coarse for them "
-                "to soften: at their strength they hold more than G_f; the module edge may be "
-                f"{largest * 1e3:.4g} mm at most, at least {modules} modules, or give "
-                f"material.limit_strain >= {_rounded_up(family.peak_strain)}, with which they "
-                "dissipate more than G_f" + ("; plate.size is in metres" if metres else "")
-            )
-    return bars
+    return refuse_coarse(scene, name)

@@ -1,1 +1,1 @@
-"""What is drawn of a run: figures, pictures, movies, reports."""
+"""Figures, pictures, movies and reports of a run."""

@@ -1,4 +1,4 @@
-"""Movies of a run: one picture a stored step, put together to an MP4 or a GIF."""
+"""Movies of a run: an MP4 or a GIF with one picture for each stored step."""
 
 from __future__ import annotations
 
@@ -9,17 +9,23 @@ from typing import Any
 import numpy as np
 
 from taichi_ldem.errors import SceneError
-from taichi_ldem.output.render.snapshots import Shot, render_shot
+from taichi_ldem.output.render.snapshots import render_shot
+from taichi_ldem.output.render.views import Shot
 from taichi_ldem.storage.store import RunFolder
 
 SUFFIXES = (".mp4", ".gif")
-_COLOURS, _COLOURED = 192, 25  # of a GIF; how far apart red, green and blue of a colour are
+_COLOURS = 192  # of a GIF
+_COLOURED = 25  # spread of red, green and blue from which a pixel counts as coloured
 HOLD_S = 1.0
-"""How long a movie stays on its last picture, s."""
+"""Time for which a movie stays on its last picture, s."""
 
 
 def check(path: Path) -> None:
-    """Raise SceneError where a movie cannot be written for want of a format or an encoder."""
+    """Check that a movie can be written.
+
+    Raises:
+        SceneError: the file's format is unknown, or its encoder is missing.
+    """
     if path.suffix.lower() not in SUFFIXES:
         raise SceneError(f"--movie {path}: must end in .mp4 or .gif")
     if path.suffix.lower() == ".mp4":
@@ -98,7 +104,7 @@ def _write_gif(path: Path, pictures: list[Path], fps: float, width: int) -> None
     from PIL import Image
 
     images = [load(picture, width) for picture in pictures]
-    # one palette for all: what does not change is then stored once
+    # with one palette for all, parts that do not change are stored once
     palette = _palette(images[:: max(1, len(images) // 6)] + images[-1:])
     frames = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     durations = [round(1e3 / fps)] * len(frames)
@@ -115,7 +121,7 @@ def _write_gif(path: Path, pictures: list[Path], fps: float, width: int) -> None
 
 
 def _palette(images: list[Any]) -> Any:
-    """A palette for some images, in which small coloured things count as much as the grey plate."""
+    """A palette of some images, to which coloured pixels contribute as much as all pixels."""
     from PIL import Image
 
     pixels = np.concatenate([np.asarray(image).reshape(-1, 3) for image in images])

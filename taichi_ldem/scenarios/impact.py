@@ -61,7 +61,8 @@ def summary(folder: RunFolder, simulation: "Simulation", history: runner.History
 
 def _measured(folder: RunFolder) -> dict[str, Any]:
     """The numbers of the cracks; the same keys without a crack."""
-    from taichi_ldem.analysis.cracks import NO_CRACKS, measure_run
+    from taichi_ldem.analysis.cracks import NO_CRACKS
+    from taichi_ldem.scenarios.measure import measure_run
 
     cracks = measure_run(folder)
     return NO_CRACKS if cracks is None else cracks.summary()

@@ -1,9 +1,8 @@
-"""What a scene leaves out: fields, bytes, kernels and time beside everything switched on.
+"""The cost of a scene compared with that of everything switched on: fields, bytes, kernels, time.
 
-Everything is: damage, damping, a notch, random strength, modulus and density, a striker and rings,
-on the scene's own lattice and in its precision. Both take turns in processes of their own, and
-medians of the rounds count. ``python -m taichi_ldem.scenarios.leave_out SCENE.toml`` prints one as
-JSON.
+Everything is: all features of ``solver.fields``, a striker and rings, on the scene's own lattice
+and in its precision. Both take turns in processes of their own; the medians of the rounds count.
+``python -m taichi_ldem.scenarios.leave_out SCENE.toml`` prints one cost as JSON.
 """
 
 import json
@@ -18,20 +17,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_ldem.scene import Scene, load_scene, parse_scene, scene_to_toml
+from taichi_ldem.solver.fields import tables_of_all_features
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation
 
 AMPLITUDE = 1e-10
-"""Random displacement at the start, m: numbers that are all zero or subnormal take other times."""
+"""Random displacement at the start, m: zeros and subnormal numbers would distort the time."""
 
 SECONDS = 1.0
-"""Time at least so long."""
+"""Shortest time to measure, s."""
 
 
 @dataclass(frozen=True)
 class Cost:
-    """What a scene costs: fields, their bytes, compiled kernels, milliseconds a step."""
+    """The cost of a scene: fields, their bytes, compiled kernels, milliseconds a step."""
 
     fields: int
     bytes: int
@@ -44,48 +44,37 @@ def everything(scene: Scene) -> Scene:
     data = scene.model_dump(by_alias=True, exclude_none=True)
     plate, material = data["plate"], data["material"]
     plate["angle"] = 0
-    plate["perturbation"] = 0.05
     width = scene.plate.diameter or min(scene.plate.actual_size[:2])
     if plate["shape"] == "dumbbell":
         plate["shape"] = "rectangle"
         for key in ("narrow_width", "narrow_length", "fillet_radius"):
             del plate[key]
-    strains = {"failure_strain": 0.0175, "limit_strain": 0.035, "damage": True}
     material = {k: v for k, v in material.items() if k != "failure_factor"}
-    x, y, _ = scene.plate.actual_size
-    middle = 0.5 * scene.plate.size[2]
-    return parse_scene(
-        {
-            "scenario": "impact",
-            "plate": plate,
-            "material": {"fracture_energy": 1034.0} | material | strains,
-            "disorder": {
-                "fracture_energy_cv": 0.1,
-                "youngs_modulus_cv": 0.1,
-                "density_cv": 0.1,
-                "seed": 1,
-            },
-            "striker": {"diameter": 0.2 * width, "mass": 1.0, "velocity": 1.0},
-            "clamp": {
-                "kind": "rings",
-                "inner_diameter": 0.6 * width,
-                "outer_diameter": 0.99 * width,
-            },
-            "solver": data["solver"] | {"damping": 1.0},
-            "output": data["output"],
-            "notch": [
-                {"normal": "z", "position": middle, "from": [-x, -y], "to": [-0.49 * x, -0.49 * y]}
-            ],
-        }
-    )
+    tables: dict[str, Any] = {
+        "scenario": "impact",
+        "plate": plate,
+        "material": {"fracture_energy": 1034.0} | material,
+        "striker": {"diameter": 0.2 * width, "mass": 1.0, "velocity": 1.0},
+        "clamp": {
+            "kind": "rings",
+            "inner_diameter": 0.6 * width,
+            "outer_diameter": 0.99 * width,
+        },
+        "solver": data["solver"],
+        "output": data["output"],
+    }
+    for feature in tables_of_all_features(scene):
+        for name, table in feature.items():
+            tables[name] = table if isinstance(table, list) else tables.get(name, {}) | table
+    return parse_scene(tables)
 
 
 KERNELS_OF_EVERYTHING = 7
-"""Of a scene of ``everything``: see ``kernels``."""
+"""Number of ``kernels`` that a scene of ``everything`` compiles."""
 
 
 def kernels(simulation: "Simulation") -> list[str]:
-    """The kernels that a run of the simulation compiles, beside reading and writing fields."""
+    """The kernels that a run of the simulation compiles, apart from those that copy fields."""
     found = ["step", "energies"]
     found += [kernel for body in simulation.bodies for kernel in body.kernel_names()]
     if simulation.dynamics.features.damage:
@@ -94,7 +83,7 @@ def kernels(simulation: "Simulation") -> list[str]:
 
 
 def cost(simulation: "Simulation") -> Cost:
-    """What a simulation has built."""
+    """The fields and kernels that a simulation has built."""
     sizes = simulation.field_bytes()
     return Cost(len(sizes), sum(sizes.values()), len(kernels(simulation)))
 
@@ -117,7 +106,7 @@ def measure(simulation: "Simulation", seconds: float = SECONDS) -> float:
 
 
 def child(file: Path) -> None:
-    """Print what the scene in a file costs, as JSON."""
+    """Print the cost of the scene in a file as JSON."""
     from taichi_ldem.solver import backend
 
     scene = load_scene(file)

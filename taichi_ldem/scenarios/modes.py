@@ -14,6 +14,7 @@ from rich.console import Console
 
 from taichi_ldem.analysis import modeshapes
 from taichi_ldem.analysis.modeshapes import Name
+from taichi_ldem.analysis.paper import NATURAL_FREQUENCIES_HZ
 from taichi_ldem.errors import SceneError
 from taichi_ldem.scenarios.describe import warnings
 from taichi_ldem.scene import Clamp, Modes, Scene, scene_to_toml
@@ -27,19 +28,6 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 STOPPED, INTERRUPTED = 3, 130
-
-PAPER = {
-    (0, 0): (1.46e3, 1.61e3),
-    (1, 0): (3.04e3, 3.35e3),
-    (2, 0): (4.85e3, 5.51e3),
-    (0, 1): (5.51e3, 6.29e3),
-    (0, 2): (11.85e3, 14.05e3),
-}
-"""Table 2 of the paper, Hz: its lattice, and its Rayleigh-Ritz column.
-
-The latter is the thin clamped disc with E = 3.30 GPa, nu = 0.25 and radius 40 mm: neither the
-paper's E (3.35 GPa) nor the radius of its rings (38 mm).
-"""
 
 
 @dataclass(frozen=True)
@@ -256,8 +244,10 @@ def table(scene: Scene, named: list[Mode]) -> str:
         if theory:
             cells.append(f"{1e-3 * thin_plate(scene, name):.3f}" if name.kind == "plate" else "")
         if paper:
-            said = PAPER.get((name.diameters, name.circles)) if name.kind == "plate" else None  # type: ignore[arg-type]
-            cells += ["", ""] if said is None else [f"{1e-3 * value:.2f}" for value in said]
+            printed = None
+            if name.kind == "plate":
+                printed = NATURAL_FREQUENCIES_HZ.get((name.diameters, name.circles))  # type: ignore[arg-type]
+            cells += ["", ""] if printed is None else [f"{1e-3 * v:.2f}" for v in printed]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
 

@@ -1,22 +1,12 @@
-"""Scene files: TOML tables in SI units, read once and checked whole."""
+"""Scene files: TOML tables in SI units, read once and checked as a whole."""
 
-from taichi_ldem.scene.tables import (
-    DISORDERED,
-    LARGEST_CV,
-    LAW_NAMES,
-    NATURAL,
-    Clamp,
-    Disorder,
-    Grips,
-    Material,
-    Modes,
-    Notch,
-    Plate,
-    Pulse,
+from taichi_ldem.scene.bodies import Clamp, Grips, Striker, Supports
+from taichi_ldem.scene.checks import SCENARIOS, ScenarioRules, register_scenario
+from taichi_ldem.scene.messages import NATURAL
+from taichi_ldem.scene.names import LAW_NAMES, NOSE_NAMES
+from taichi_ldem.scene.scene import (
+    TABLES,
     Scene,
-    Solver,
-    Striker,
-    Supports,
     key_for,
     load_scene,
     load_tables,
@@ -25,20 +15,37 @@ from taichi_ldem.scene.tables import (
     parse_scene_text,
     scene_to_toml,
 )
+from taichi_ldem.scene.tables import (
+    DISORDERED,
+    LARGEST_CV,
+    Disorder,
+    Material,
+    Modes,
+    Notch,
+    Output,
+    Plate,
+    Pulse,
+    Solver,
+)
 
 __all__ = [
     "DISORDERED",
     "LARGEST_CV",
     "LAW_NAMES",
     "NATURAL",
+    "NOSE_NAMES",
+    "SCENARIOS",
+    "TABLES",
     "Clamp",
     "Disorder",
     "Grips",
     "Material",
     "Modes",
     "Notch",
+    "Output",
     "Plate",
     "Pulse",
+    "ScenarioRules",
     "Scene",
     "Solver",
     "Striker",
@@ -49,5 +56,6 @@ __all__ = [
     "override_value",
     "parse_scene",
     "parse_scene_text",
+    "register_scenario",
     "scene_to_toml",
 ]

@@ -1,4 +1,4 @@
-"""The reference of scene keys, from the schema itself: ``docs/scene-keys.md``.
+"""The reference of scene keys, ``docs/scene-keys.md``, made from the schema.
 
 python -m taichi_ldem.scene.reference docs/scene-keys.md
 """
@@ -8,16 +8,17 @@ from __future__ import annotations
 import sys
 import types
 import typing
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from annotated_types import Ge, Gt, Le, Lt
-from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from taichi_ldem.scene import LAW_NAMES, Scene
+from taichi_ldem.scene import Scene
+from taichi_ldem.scene.schema import is_list, table_of
+from taichi_ldem.scene.values import OneOf
 
 HEAD = """# Scene keys
 
@@ -34,14 +35,13 @@ file. `ldem info SCENE.toml` says what a scene implies.
 def reference() -> str:
     """The page, Markdown."""
     parts = [HEAD, "## Top\n\n"]
-    simple = {n: f for n, f in Scene.model_fields.items() if _table(f) is None}
+    simple = {n: f for n, f in Scene.model_fields.items() if table_of(f) is None}
     parts.append(_rows(simple.items()))
     for name, field in Scene.model_fields.items():
-        table = _table(field)
+        table = table_of(field)
         if table is None:
             continue
-        repeated = "tuple" in str(field.annotation)
-        title = f"[[{name}]]" if repeated else f"[{name}]"
+        title = f"[[{name}]]" if is_list(field) else f"[{name}]"
         needed = "needed" if field.is_required() else "may be left out"
         about = " ".join((table.__doc__ or "").split())
         parts.append(f"\n## `{title}`\n\n{about} ({needed})\n\n")
@@ -49,24 +49,10 @@ def reference() -> str:
     return "".join(parts)
 
 
-def _table(field: FieldInfo) -> type[BaseModel] | None:
-    """The table that a field of the scene holds, once or several times."""
-    for kind in _flat(field.annotation):
-        if isinstance(kind, type) and issubclass(kind, BaseModel):
-            return kind
-    return None
-
-
-def _flat(kind: Any) -> Iterator[Any]:
-    yield kind
-    for inner in typing.get_args(kind):
-        yield from _flat(inner)
-
-
 def _rows(fields: Any) -> str:
     lines = ["| key | values | default | what |\n|---|---|---|---|\n"]
     for name, field in fields:
-        key, values = field.alias or name, _values(name, field.annotation, field.metadata)
+        key, values = field.alias or name, _values(field.annotation, field.metadata)
         about = (field.description or "").replace("|", "\\|")
         lines.append(f"| `{key}` | {values} | {_default(field)} | {about} |\n")
     return "".join(lines)
@@ -90,21 +76,23 @@ def _toml(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _values(name: str, kind: Any, metadata: Sequence[Any] = ()) -> str:
-    """What may stand for a key, in words."""
+def _values(kind: Any, metadata: Sequence[Any] = ()) -> str:
+    """The values that a key may have, in words."""
     origin, inner = typing.get_origin(kind), typing.get_args(kind)
     if origin is typing.Annotated:
-        return _values(name, inner[0], [*inner[1:], *metadata])
+        return _values(inner[0], [*inner[1:], *metadata])
     if origin in (typing.Union, types.UnionType):
-        return " or ".join(_values(name, k, metadata) for k in inner if k is not type(None))
+        return " or ".join(_values(k, metadata) for k in inner if k is not type(None))
     if origin is typing.Literal:
         return ", ".join(f"`{_toml(value)}`" for value in inner)
     if origin is tuple:
         if Ellipsis in inner:
-            return f"list of {_values(name, inner[0])}"
-        return f"{len(inner)} of: {_values(name, inner[0])}"
-    if name == "law":
-        return ", ".join(f'`"{law}"`' for law in LAW_NAMES)
+            return f"list of {_values(inner[0])}"
+        return f"{len(inner)} of: {_values(inner[0])}"
+    for item in metadata:
+        names = getattr(item, "func", None)
+        if isinstance(names, OneOf):
+            return ", ".join(f"`{_toml(value)}`" for value in names.names)
     words = {float: "number", int: "whole number", bool: "`true`, `false`", str: "text"}
     return words.get(kind, str(kind)) + _limits(metadata)
 

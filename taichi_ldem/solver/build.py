@@ -1,8 +1,7 @@
 """The lattice of a scene with all that the scene says of its material, built or filled again."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -12,9 +11,9 @@ from taichi_ldem.model import disorder
 from taichi_ldem.model.lattice import Lattice, cut_out, disc, dumbbell_half_width, prism
 from taichi_ldem.model.material import check
 from taichi_ldem.scene import Plate, Scene
-from taichi_ldem.solver.dynamics import NODE_AXES, Dynamics, Features
+from taichi_ldem.solver.dynamics import Dynamics, Features
 
-Drawn = Mapping[str, tuple[float, float]]
+Drawn = dict[str, tuple[float, float]]
 """Mean and coefficient of variation of the random factors that were drawn, by property."""
 
 
@@ -60,31 +59,8 @@ def notch_bars(scene: Scene, lattice: Lattice) -> npt.NDArray[np.uint16]:
     return removed
 
 
-def _features(scene: Scene, lattice: Lattice, drawn: disorder.Drawn) -> Features:
-    """What the scene names beyond elasticity."""
-    return Features(
-        law=scene.material.law if scene.material.damage else None,
-        damping=scene.solver.damping > 0,
-        notch=bool(scene.notch),
-        strength=drawn.strength is not None and scene.material.damage,
-        modulus=drawn.youngs_modulus is not None,
-        density=drawn.density is not None,
-        perturbed=lattice.offsets is not None,
-    )
-
-
-def _set_lattice(dynamics: Dynamics, lattice: Lattice) -> None:
-    """Give the dynamics another body of the same modules, with its places off the grid."""
-    dynamics.lattice = lattice
-    dynamics.code.from_numpy(dynamics.lanes.spread(lattice.code))
-    if lattice.offsets is not None:
-        for s, axis in NODE_AXES:
-            stored = dynamics.lanes.spread(lattice.offsets[s, ..., axis] / lattice.spacing)
-            dynamics.offset[s][axis].from_numpy(stored.astype(dynamics.numpy_float()))
-
-
 def _fill(dynamics: Dynamics, scene: Scene, drawn: disorder.Drawn) -> Drawn:
-    """Give bars and nodes what was drawn for each of them, and cut the notches."""
+    """Give bars and nodes the factors that were drawn for each of them, and cut the notches."""
     features, density = dynamics.features, scene.material.density
     if features.strength:
         assert drawn.strength is not None
@@ -114,7 +90,7 @@ def build_dynamics(scene: Scene, in_strips: bool | None = None) -> tuple[Dynamic
     """
     bars, lattice = check(scene), build_lattice(scene)
     drawn = disorder.draw(scene, lattice)
-    features = _features(scene, lattice, drawn)
+    features = Features.of(scene)
     dynamics = Dynamics(lattice, bars, scene.material.density, features, in_strips)
     return dynamics, _fill(dynamics, scene, drawn)
 
@@ -135,7 +111,7 @@ def refill_dynamics(dynamics: Dynamics, scene: Scene, lattice: Lattice | None = 
     bars = check(scene)
     lattice = build_lattice(scene) if lattice is None else lattice
     drawn = disorder.draw(scene, lattice)
-    features = _features(scene, lattice, drawn)
+    features = replace(Features.of(scene), perturbed=lattice.offsets is not None)
     if lattice.modules != dynamics.lattice.modules:
         raise ValueError(
             f"plate: {lattice.modules} modules need other fields than {dynamics.lattice.modules}"
@@ -144,10 +120,8 @@ def refill_dynamics(dynamics: Dynamics, scene: Scene, lattice: Lattice | None = 
         mine, other = getattr(dynamics.features, field.name), getattr(features, field.name)
         if mine != other:
             raise ValueError(f"{field.name}: {other} needs other kernels than {mine}")
-    for name in ("displacement", "velocity", "peak", "touched", "recorded", "damped"):
-        for values in dynamics.fields().get(name, []):
-            values.fill(0)
-    _set_lattice(dynamics, lattice)
+    dynamics.set_lattice(lattice)
+    dynamics.clear_history()
     dynamics.set_bars(bars)
     dynamics.set_density(scene.material.density)
     return _fill(dynamics, scene, drawn)

@@ -12,8 +12,11 @@ import numpy.typing as npt
 import taichi as ti
 
 from taichi_ldem.model.lattice import BARS_PER_SITE
-from taichi_ldem.solver.dynamics import ALL, Dynamics, field_apart
+from taichi_ldem.model.topology import LENGTH_SQUARED
+from taichi_ldem.solver.bars import ALL
+from taichi_ldem.solver.dynamics import Dynamics
 from taichi_ldem.solver.lanes import HALO
+from taichi_ldem.solver.state import field_apart
 
 STRAIN, FRACTURE, BROKEN, KINETIC, DAMPED = range(5)
 
@@ -78,7 +81,7 @@ class Ledger:
 class EnergySums:
     """Sums of the plate's energies, added up on the device one after the other.
 
-    Kinetic energy and losses by damping come from a measured step (``Dynamics.moving``). On a GPU,
+    Kinetic energy and losses by damping come from a measured step (``State.node_sums``). On a GPU,
     where one thread is slow, rows are cut into pieces and added up in groups.
 
     Attributes:
@@ -88,60 +91,63 @@ class EnergySums:
     """
 
     def __init__(self, dynamics: Dynamics):
-        self.dynamics = dynamics
+        self.state, self.bars, self.driver = dynamics, dynamics.bars, dynamics.driver
         nz, ny, _ = dynamics.sites
-        self.rows = field_apart(ti.f64, nz * ny * dynamics.pieces, 3)
-        rows = max(part.shape[0] for part in (self.rows, dynamics.moving))
+        self.rows = field_apart(ti.f64, nz * ny * dynamics.layout.pieces, 3)
+        rows = max(part.shape[0] for part in (self.rows, dynamics.node_sums))
         self.group = rows if dynamics.on_cpu else GROUP
         self.group_sums = field_apart(ti.f64, -(-rows // self.group), 5)
 
     @ti.func
-    def bar_energy(self, bar: ti.template(), e, k, j, m, lane, spacing, peak_strain):
-        """Strain energy and dissipated energy of a bar (J) at a strain, and 1 if it is broken."""
-        whole = self.dynamics.bar_stiffness(bar, k, j, m, lane)
-        if ti.static(self.dynamics.features.notch):
-            if (self.dynamics.removed[k, j, m][lane] >> bar) & 1:
+    def bar_energy(self, bar: ti.template(), strain, at: ti.template(), lane, step: ti.template()):
+        """Strain energy and dissipated energy of a bar at a strain, J, and 1 if it is broken.
+
+        Args:
+            at, step: structs of ``bars``.
+        """
+        whole = self.bars.stiffness(bar, at, lane)
+        if ti.static(self.state.features.notch):
+            if self.bars.is_removed(bar, at, lane):
                 whole = 0.0
-        length = spacing * ti.static(1.0 if bar < 6 else 0.75**0.5)
+        length = step.spacing * ti.static(LENGTH_SQUARED[bar] ** 0.5)
         twice = ti.cast(whole, ti.f64) * length * length
-        if ti.static(self.dynamics.features.perturbed):
+        if ti.static(self.state.features.perturbed):
             # EA L0 is EA / L0 times the square of the bar's own length
-            twice /= ti.cast(self.dynamics.shortness(bar, k, j, m, lane), ti.f64)
-        result = ti.Vector([0.5 * twice * e * e, 0.0, 0.0], ti.f64)
-        if ti.static(self.dynamics.features.damage):
-            peak = self.dynamics.peak[bar][k, j, m][lane]
+            twice /= ti.cast(self.bars.square_of_length_ratio(bar, at, lane), ti.f64)
+        result = ti.Vector([0.5 * twice * strain * strain, 0.0, 0.0], ti.f64)
+        if ti.static(self.state.features.damage):
+            peak = self.state.peak[bar][at.k, at.j, at.m][lane]
             if peak > 1:
-                result[0] *= self.dynamics.integrity(bar, e, peak)
-                own = self.dynamics.own_peak_strain(bar, k, j, m, lane, peak_strain)
-                result[1] = twice * own**2 * self.dynamics.dissipated(bar, peak)
-                failure = self.dynamics.softening[ti.static(self.dynamics.softening_row(bar))][0]
-                if whole > 0 and peak >= failure:
+                result[0] *= self.bars.integrity(bar, strain, peak)
+                own = self.bars.peak_strain(bar, at, lane, step.peak_strain)
+                result[1] = twice * own**2 * self.bars.dissipated(bar, peak)
+                if whole > 0 and peak >= self.bars.failure(bar):
                     result[2] = 1.0
         return result
 
     @ti.kernel
     def _potential(self, now: int, spacing: float, peak_strain: float):
-        nz, ny, _ = ti.static(self.dynamics.sites)
+        nz, ny, _ = ti.static(self.state.sites)
+        pieces, piece_length = ti.static(self.state.layout.pieces, self.state.layout.piece)
         for row in range(self.rows.shape[0]):
+            step = ti.Struct(now=now, spacing=spacing, peak_strain=peak_strain)
             total = ti.Vector.zero(ti.f64, 3)
-            k, j = row // self.dynamics.pieces // ny, row // self.dynamics.pieces % ny
-            piece = row % self.dynamics.pieces
+            k, j = row // pieces // ny, row // pieces % ny
+            piece = row % pieces
             if k > 0 and j > 0 and k < nz - 1 and j < ny - 1:
-                begin = HALO + piece * self.dynamics.piece
-                for m in range(begin, self.dynamics.piece_end(piece)):
+                begin = HALO + piece * piece_length
+                for m in range(begin, self.driver.piece_end(piece)):
+                    at = ti.Struct(k=k, j=j, m=m)
                     for bar in ti.static(range(BARS_PER_SITE)):
-                        q = self.dynamics.stretch(bar, now, k, j, m, spacing, ALL)
-                        strain = self.dynamics.strain(q)
-                        for lane in range(self.dynamics.lanes.width):
-                            total += self.bar_energy(
-                                bar, strain[lane], k, j, m, lane, spacing, peak_strain
-                            )
+                        q = self.bars.twice_green_strain(bar, at, step, ALL)
+                        strain = self.bars.strain(q)
+                        for lane in range(self.state.lanes.width):
+                            total += self.bar_energy(bar, strain[lane], at, lane, step)
             self.rows[row] = total
 
     def potential(self, now: int) -> None:
         """Sum strain energy, dissipated energy and broken bars at the displacement ``now``."""
-        d = self.dynamics
-        self._potential(now, d.lattice.spacing, d.peak_strain)
+        self._potential(now, self.state.lattice.spacing, self.state.peak_strain)
 
     @ti.func
     def add_up(self):
@@ -151,8 +157,8 @@ class EnergySums:
             bars, nodes = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 2)
             for row in range(first, ti.min(first + self.group, self.rows.shape[0])):
                 bars += self.rows[row]
-            for row in range(first, ti.min(first + self.group, self.dynamics.moving.shape[0])):
-                nodes += self.dynamics.moving[row]
+            for row in range(first, ti.min(first + self.group, self.state.node_sums.shape[0])):
+                nodes += self.state.node_sums[row]
             self.group_sums[group] = ti.Vector(
                 [bars[0], bars[1], bars[2], nodes[0], nodes[1]], ti.f64
             )

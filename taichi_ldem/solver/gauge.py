@@ -1,11 +1,14 @@
 """An extensometer: strains along and across the middle part of a specimen in tension."""
 
 import math
+from typing import Any
 
 import numpy as np
 import taichi as ti
 
-from taichi_ldem.solver.dynamics import CORNER, Dynamics, field_apart
+from taichi_ldem.model.topology import CORNER
+from taichi_ldem.solver.dynamics import Dynamics
+from taichi_ldem.solver.state import field_apart
 
 
 @ti.data_oriented
@@ -28,7 +31,7 @@ class Gauge:
 
     def __init__(self, dynamics: Dynamics, angle: float, length: float):
         self.dynamics = dynamics
-        self.nodes: ti.Field | None = None
+        self.nodes: Any = None  # a field as soon as the number of nodes is known
         self.place(angle, length)
 
     def place(self, angle: float, length: float) -> None:
@@ -76,8 +79,8 @@ class Gauge:
         nz, ny, nx = ti.static(self.dynamics.sites)
         for number in self.nodes:
             node = self.nodes[number]
-            site = node // (ny * nx) % nz, node // nx % ny, node % nx
-            displacement = self.dynamics.node_displacement(now, CORNER, site[0], site[1], site[2])
+            k, j, i = node // (ny * nx) % nz, node // nx % ny, node % nx
+            displacement = self.dynamics.access.displacement(now, CORNER, k, j, i)
             for axis in ti.static(range(2)):
                 values[number, axis] = ti.cast(displacement[axis], ti.f64)
 

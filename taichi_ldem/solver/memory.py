@@ -9,9 +9,8 @@ import sys
 from pathlib import Path
 
 from taichi_ldem.errors import SceneError
-from taichi_ldem.model.disorder import varies
-from taichi_ldem.scene import DISORDERED, Scene
-from taichi_ldem.solver.lanes import Lanes
+from taichi_ldem.scene import Scene
+from taichi_ldem.solver.fields import Features, Layout, rows
 
 BASE = 250e6
 """Bytes of the interpreter, Taichi's compiler and the libraries: 230 MB measured."""
@@ -21,67 +20,41 @@ HOST = 20 * 48
 the Lanczos basis of the critical time step, the rest its start, work space, results and copies."""
 
 
-ROWS_IN_FLIGHT = 10
-"""Rows of bar scalars that a thread keeps, at most (``dynamics``: two strips of five rows)."""
+def _layout(scene: Scene) -> Layout:
+    """How the lattice of a scene will lie in memory on this machine."""
+    nx, ny, nz = (n + 3 for n in scene.plate.modules)
+    real = 8 if scene.solver.precision == "f64" else 4
+    threads = scene.solver.threads or os.cpu_count() or 1
+    return Layout.fitting((nz, ny, nx), real, scene.solver.arch == "cpu", threads)
 
 
 def field_bytes(scene: Scene) -> int:
-    """Bytes of all fields of sites that a scene's lattice has, without bar scalars."""
-    nz, ny, nx = (n + 3 for n in reversed(scene.plate.modules))
-    lanes, real = _lanes(scene, nx)
-    size = 12 * real + 6 * real + 1  # displacement, velocity, code
-    damage, notch = scene.material.damage, bool(scene.notch)
-    if damage:
-        size += 14 * real + 2  # peak, recorded
-    if notch:
-        size += 2
-    if scene.solver.damping > 0:
-        size += 2 * real
-    uneven = {name for name in DISORDERED if varies(scene, name)}
-    column = 1 if damage or notch else 0  # touched
-    if damage and uneven - {"density"}:
-        size += 14 * real  # strength
-        column += real  # weakest
-    if "youngs_modulus" in uneven:
-        size += 14 * real
-    if "density" in uneven:
-        size += 4 * real
-    if scene.plate.perturbation:
-        size += 6 * real
-    return nz * ny * lanes.columns * (lanes.width * size + column)
+    """Bytes of all fields of sites that a scene's lattice has, without bar scalars and tables."""
+    layout = _layout(scene)
+    return sum(row.bytes(layout) for row in rows(Features.of(scene), layout) if row.of_sites)
 
 
-def _lanes(scene: Scene, sites: int) -> tuple[Lanes, int]:
-    """How a row is stored, and the bytes of a number."""
-    real = 8 if scene.solver.precision == "f64" else 4
-    return (Lanes.fitting(sites, real) if scene.solver.arch == "cpu" else Lanes(sites)), real
-
-
-def _scalar_bytes(scene: Scene) -> int:
-    """Bytes of the bar scalars: of the rows in flight on a CPU, of all on a GPU."""
-    nz, ny, nx = (n + 3 for n in reversed(scene.plate.modules))
-    lanes, real = _lanes(scene, nx)
-    rows = ny
-    if scene.solver.arch == "cpu":
-        rows = min(ny, ROWS_IN_FLIGHT * (scene.solver.threads or os.cpu_count() or 1))
-    return 14 * real * nz * rows * lanes.columns * lanes.width
+def _all_field_bytes(scene: Scene) -> int:
+    """Bytes of all fields of a scene's lattice."""
+    layout = _layout(scene)
+    return sum(row.bytes(layout) for row in rows(Features.of(scene), layout))
 
 
 def needed_bytes(scene: Scene) -> int:
     """Largest memory of a run, without the lists of nodes near rigid bodies, bytes."""
     sites = math.prod(n + 3 for n in scene.plate.modules)
-    return int(BASE + field_bytes(scene) + _scalar_bytes(scene) + HOST * sites)
+    return int(BASE + _all_field_bytes(scene) + HOST * sites)
 
 
 VULKAN_LIMIT = 2**32
 """Bytes of all fields together that Taichi reaches on Vulkan: it counts them in 32 bits, and beyond
-that writes over what was first."""
+that overwrites the first fields."""
 
 
 def available_bytes() -> int | None:
     """Bytes that can be taken without swapping, within the limits of a container or a job.
 
-    None where the system does not tell.
+    None where the system does not say.
     """
     found = [_free_of_machine(), _free_of_group(Path("/sys/fs/cgroup")), _limit_of_process()]
     known = [size for size in found if size is not None]
@@ -90,7 +63,7 @@ def available_bytes() -> int | None:
 
 def refuse_too_large(scene: Scene) -> None:
     """Raise SceneError where a scene's lattice does not fit into memory."""
-    fields = field_bytes(scene) + _scalar_bytes(scene)
+    fields = _all_field_bytes(scene)
     if scene.solver.arch == "vulkan" and fields >= VULKAN_LIMIT:
         raise SceneError(
             f'solver.arch = "vulkan": the lattice needs {fields:,} bytes, Taichi reaches 4 GiB '
@@ -119,7 +92,7 @@ def _free_of_machine() -> int | None:
 
 
 def _free_of_group(root: Path) -> int | None:
-    """What a container's limit leaves (cgroup 2, then 1), without what can be dropped."""
+    """Bytes that a container's limit leaves (cgroup 2, then 1); caches count as free."""
     for limit, used, dropped in (
         ("memory.max", "memory.current", "inactive_file"),
         ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes", "total_inactive_file"),

@@ -208,9 +208,14 @@ class Simulation:
 
     @ti.func
     def _pass(self, now, spacing, time_step, damping, peak_strain, measure: ti.template()):
-        self.dynamics.whole_passes(
-            now, spacing, time_step, time_step, damping, peak_strain, measure
+        numbers = ti.Struct(
+            spacing=spacing,
+            kick=time_step,
+            drift=time_step,
+            damping=damping,
+            peak_strain=peak_strain,
         )
+        self.dynamics.whole_passes(now, numbers, measure)
         self._resolve(now, spacing, time_step, damping)
 
     def _take(self, time_step: float, steps: int = 1, measure: bool = False) -> None:

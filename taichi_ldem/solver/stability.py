@@ -12,9 +12,10 @@ import numpy.typing as npt
 import taichi as ti
 
 from taichi_ldem.model.lattice import BAR_VECTORS, BARS_PER_SITE, bar_weights
-from taichi_ldem.solver.dynamics import _ENDS as ENDS
-from taichi_ldem.solver.dynamics import NODE_AXES, Dynamics, field_apart
+from taichi_ldem.model.topology import ENDS, FAMILY, NODE_AXES
+from taichi_ldem.solver.dynamics import Dynamics
 from taichi_ldem.solver.lanes import HALO
+from taichi_ldem.solver.state import field_apart
 
 STRETCHED = 3**-0.5
 """Share of the critical time step at rest that is enough at any deformation.
@@ -47,7 +48,7 @@ class Lanczos:
     def __init__(self, dynamics: Dynamics):
         self.dynamics = dynamics
         nz, ny, _ = dynamics.sites
-        self.rows = field_apart(ti.f64, nz * ny * dynamics.pieces, 2)
+        self.rows = field_apart(ti.f64, nz * ny * dynamics.layout.pieces, 2)
 
     @ti.func
     def noise(self, number):
@@ -72,15 +73,15 @@ class Lanczos:
                         vector[lane] = size * self.noise(6 * site + 3 * s + axis)
                 self.dynamics.displacement[s][axis][0, k, j, m] = vector
                 self.dynamics.velocity[s][axis][k, j, m] = vector
-            self.dynamics.repeat_halo(0, k, j, m)
+            self.dynamics.nodes.repeat_halo(0, k, j, m)
 
     @ti.kernel
     def _products(self):
         nz, ny = ti.static(self.dynamics.sites[:2])
-        for j, k, piece in ti.ndrange((1, ny - 1), (1, nz - 1), self.dynamics.pieces):
+        for j, k, piece in ti.ndrange((1, ny - 1), (1, nz - 1), self.dynamics.layout.pieces):
             sums = ti.Vector.zero(ti.f64, 2)
-            begin = HALO + piece * self.dynamics.piece
-            for m in range(begin, self.dynamics.piece_end(piece)):
+            begin = HALO + piece * self.dynamics.layout.piece
+            for m in range(begin, self.dynamics.driver.piece_end(piece)):
                 for s, axis in ti.static(NODE_AXES):
                     mass = self.dynamics.lane_masses(s, k, j, m)
                     u = self.dynamics.displacement[s][axis][0, k, j, m]
@@ -89,7 +90,7 @@ class Lanczos:
                         weighted = ti.cast(mass[lane], ti.f64) * v[lane]
                         sums[0] += weighted * u[lane]
                         sums[1] += weighted * v[lane]
-            self.rows[(j * nz + k) * self.dynamics.pieces + piece] = sums
+            self.rows[(j * nz + k) * self.dynamics.layout.pieces + piece] = sums
 
     def products(self) -> tuple[float, float]:
         """Products u M v and v M v of displacement u and velocity v."""
@@ -108,7 +109,7 @@ class Lanczos:
                 v = self.dynamics.velocity[s][axis][k, j, m]
                 self.dynamics.displacement[s][axis][0, k, j, m] = p * u + q * v
                 self.dynamics.velocity[s][axis][k, j, m] = r * u
-            self.dynamics.repeat_halo(0, k, j, m)
+            self.dynamics.nodes.repeat_halo(0, k, j, m)
 
     def _amplitude(self) -> float:
         """Norm of the vectors, sqrt(kg) m: all of it in the lightest node strains bars by 1e-6.
@@ -185,7 +186,7 @@ def largest_strains(
         failure = dynamics.softening.to_numpy()[:, 0]
         for bar, field in enumerate(dynamics.peak):
             peak = dynamics.lanes.gather(field.to_numpy())
-            carries[..., bar] &= peak < failure[dynamics.softening_row(bar)]
+            carries[..., bar] &= peak < failure[FAMILY[bar]]
     extremes = [0.0]
     for bar, ends in enumerate(ENDS):
         if carries[..., bar].any():

@@ -7,11 +7,12 @@ import check
 import layout
 import pytest
 import report
+from support.paths import CONFIGS
 
 from taichi_ldem.scene import load_scene
 from taichi_ldem.solver.lanes import Lanes
 
-SCENE = Path(__file__).parents[2] / "configs/impact.toml"
+SCENE = CONFIGS / "impact.toml"
 
 
 def test_step_bytes_of_a_plate_counted_by_hand():

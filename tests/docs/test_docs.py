@@ -13,12 +13,12 @@ from typing import Any
 
 import pytest
 import typer
+from support.paths import ROOT
 from typer.testing import CliRunner
 
 from taichi_ldem.cli import app as cli
 from taichi_ldem.scene import reference as scene_keys
 
-ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 IDS = [page.name for page in PAGES]
 
@@ -137,10 +137,10 @@ def _options() -> set[str]:
 def _check_python(words: list[str]) -> None:
     if words[0] == "-m":
         module = words[1]
-        if module.startswith("taichi_ldem"):
-            path = ROOT.joinpath(*module.split("."))
-            assert path.with_suffix(".py").is_file(), f"no module {module}"
-            source = path.with_suffix(".py").read_text(encoding="utf-8")
+        if module.split(".")[0] in ("taichi_ldem", "studies"):
+            path = ROOT.joinpath(*module.split(".")).with_suffix(".py")
+            assert path.is_file(), f"no module {module}"
+            source = path.read_text(encoding="utf-8")
             passed_on = "parse_known_args" in source or "REMAINDER" in source
             known = _options() if passed_on else set()
             for option in (word for word in words[2:] if word.startswith("--")):
@@ -234,10 +234,17 @@ def test_the_reference_of_scene_keys_is_up_to_date() -> None:
 
 
 def _defined(module: str) -> set[str]:
-    """Names of functions and classes of a module, methods as Class.method, without importing it."""
-    tree = ast.parse((ROOT / "taichi_ldem" / f"{module}.py").read_text(encoding="utf-8"))
+    """Names that the modules of this name define, methods as Class.method, without an import.
+
+    A module is given by its last name (`laws`), or with its package (`solver.laws`). A package
+    counts with all modules in it.
+    """
+    path = module.replace(".", "/")
+    package = ROOT / "taichi_ldem"
+    files = [*package.glob(f"**/{path}.py"), *package.glob(f"**/{path}/*.py")]
+    assert files, f"there is no module {module}"
     names = set()
-    for node in tree.body:
+    for node in (n for file in files for n in ast.parse(file.read_text(encoding="utf-8")).body):
         if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
             names.add(node.name)
         if isinstance(node, ast.ClassDef):

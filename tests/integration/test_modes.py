@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.command import ldem
+from support.paths import CONFIGS
 
 from studies import frequencies
 from taichi_ldem.cli import main
 from taichi_ldem.scene import load_scene, parse_scene, scene_to_toml
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 SMALL = [  # 30 x 30 x 1 modules
     "--set", "plate.size=[0.09, 0.09, 0.003]", "--set", "plate.modules_through_thickness=1",
     "--set", "clamp.inner_diameter=0.06", "--set", "clamp.outer_diameter=0.084",

@@ -14,6 +14,7 @@ from pathlib import Path
 import h5py
 import pytest
 from support.command import COMMAND, SCENE, WITHOUT_VULKAN, ldem
+from support.paths import CONFIGS, ROOT
 
 from studies.kills import differences
 from taichi_ldem.errors import SceneError
@@ -49,8 +50,7 @@ backend.start(scene.solver)
 from taichi_ldem.solver.simulation import Simulation
 
 def values(sample):
-    return (sample.step, sample.striker_displacement, sample.striker_velocity,
-            sample.striker_force, sample.ring_force, sample.broken_bars, sample.energy_error,
+    return (sample.step, *sample.observed.values(), sample.broken_bars, sample.energy_error,
             sample.energy_error_of_plate, *vars(sample.ledger).values())
 
 def end(simulation):
@@ -102,8 +102,7 @@ print(len(kinds))
 def test_a_restored_state_goes_on_bitwise(precision: str, damping: str, clamp: str) -> None:
     """Before, during and after cracking and contact; every part of the state is in play."""
     command = [sys.executable, "-c", RESTORE, precision, damping, clamp]
-    root = Path(__file__).parents[2]
-    done = subprocess.run(command, cwd=root, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr[-2000:]
     assert int(done.stdout) >= 4
 
@@ -291,7 +290,7 @@ def test_every_scenario_says_whether_it_can_be_resumed(name: str, tmp_path: Path
     ("scene", "duration"), [("tension_quick.toml", 1.2e-4), ("bend_quick.toml", 1e-4)]
 )
 def test_other_scenarios_are_resumed_bitwise(scene: str, duration: float, tmp_path: Path) -> None:
-    file = Path(__file__).parents[2] / "configs" / scene
+    file = CONFIGS / scene
     command = scene.partition("_")[0]
     # the end of the first half is on the grids of the history and of the fields
     settings = (f"output.field_interval={0.5 * duration!r}", "output.image_times=[]")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.paths import CONFIGS
 
 from taichi_ldem.cli import main
 from taichi_ldem.errors import SceneError
@@ -14,7 +15,6 @@ from taichi_ldem.scenarios.wave import delay, phase_difference
 from taichi_ldem.scene import load_scene
 from taichi_ldem.storage.store import RunFolder
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 SHEAR = [  # a block 24 x 40 x 40 modules, along another axis
     "plate.size=[0.0096, 0.016, 0.016]",
     "plate.modules_through_thickness=40",

@@ -1,10 +1,10 @@
 """Studies that read ensembles: directions of cracks, and the effect of the module size."""
 
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from support.paths import SCENES
 
 from studies import bias, size_effect
 from studies import specimens as specimens_study
@@ -15,7 +15,7 @@ from taichi_ldem.ensemble.results import Row
 from taichi_ldem.errors import SceneError
 from taichi_ldem.scene import load_scene
 
-SCENE = Path(__file__).parents[1] / "scenes/cracking.toml"
+SCENE = SCENES / "cracking.toml"
 
 
 def straight(degrees: float, length: float = 0.02, points: int = 61) -> RadialCrack:

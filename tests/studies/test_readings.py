@@ -5,11 +5,10 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from support.paths import CONFIGS
 
 from studies import readings
 from taichi_ldem.scene import load_scene
-
-CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 @pytest.mark.parametrize("reading", readings.READINGS, ids=lambda reading: reading.name)

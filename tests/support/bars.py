@@ -3,8 +3,9 @@
 import numpy as np
 import taichi as ti
 
-from taichi_ldem.solver.contact import RigidBody
-from taichi_ldem.solver.dynamics import BARS_PER_SITE, Dynamics
+from taichi_ldem.model.lattice import BARS_PER_SITE
+from taichi_ldem.solver.contact.kernels.body import Layout, RigidBody
+from taichi_ldem.solver.dynamics import Dynamics
 from taichi_ldem.solver.lanes import HALO
 
 
@@ -18,10 +19,12 @@ class BarForces:
     @ti.kernel
     def row(self, j: int, now: int, spacing: float, peak: float, values: ti.types.ndarray()):
         """Copy the scalars of a row of sites into (S, 14) values."""
-        row = self.dynamics.row_place(j)
+        row = self.dynamics.driver.bar_row(j)
         for k in range(1, self.dynamics.sites[0] - 1):
             for m in range(HALO, HALO + self.dynamics.lanes.length):
-                self.dynamics.column_forces(0, row, now, k, j, m, spacing, peak)
+                at = ti.Struct(strip=0, row=row, k=k, j=j, m=m)
+                step = ti.Struct(now=now, spacing=spacing, peak_strain=peak)
+                self.dynamics.bars.column_forces(at, step)
                 for lane in ti.static(range(self.dynamics.lanes.width)):
                     site = self.dynamics.site_of(m, lane)
                     for bar in ti.static(range(BARS_PER_SITE)):
@@ -42,7 +45,7 @@ class Places:
 
     def __init__(self, dynamics: Dynamics):
         self.sites = dynamics.sites
-        self.body = RigidBody(dynamics, (0.0,), 1)
+        self.body = RigidBody(dynamics, Layout((0.0,), 1))
 
     @ti.kernel
     def fill(self, spacing: float, values: ti.types.ndarray()):
@@ -50,7 +53,7 @@ class Places:
         nz, ny, nx = ti.static(self.sites)
         for k, j, i in ti.ndrange((1, nz - 1), (1, ny - 1), (1, nx - 1)):
             for s in range(2):
-                place = self.body.rest(s, k, j, i, spacing)
+                place = self.body.rest_position(s, k, j, i, spacing)
                 for axis in ti.static(range(3)):
                     values[s, k, j, i, axis] = place[axis]
 

@@ -4,14 +4,13 @@ import os
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from support.paths import ROOT
 
 from taichi_ldem import Scene, SceneError
 from taichi_ldem.scene import parse_scene
 
-ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ("first_steps", "callback", "sweep", "own_law")
 
 DRIVER = """

@@ -1,4 +1,4 @@
-"""Pictures of measured cracks: what was counted and fitted, on the map, for a reader to judge."""
+"""Pictures of measured cracks: the counted cracks and fitted circles, drawn on the map."""
 
 from __future__ import annotations
 
@@ -8,7 +8,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taichi_ldem.analysis.cracks import Circle, CrackMap, Cracks
+from taichi_ldem.analysis.crackmap import CrackMap
+from taichi_ldem.analysis.cracks import Cracks
+from taichi_ldem.output.curves.cracks import (
+    CIRCULAR,
+    RADIAL,
+    circle_points,
+    circular_elements,
+    circular_title,
+    radial_elements,
+    radial_title,
+)
+from taichi_ldem.output.figures.draw import draw_elements, symbols
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,8 +27,7 @@ if TYPE_CHECKING:
 
 _MS = 1e3
 _MM = 1e3
-_RADIAL, _CIRCULAR = "C3", "C0"
-_DARKEST = 5.0  # of the grey scale; what is cracked deeply has 3, what is less so 1
+_DARKEST = 5.0  # of the grey scale; deep cracks have 3, shallower ones 1
 
 
 def overlay(
@@ -26,11 +36,11 @@ def overlay(
     outlines: Callable[[Axes], None] = lambda axes: None,
     least: float = 0.0,
 ) -> None:
-    """Radial cracks at t2 beside the circular crack at the end, both from below.
+    """Radial cracks at t2 and, to their right, the circular crack at the end, both from below.
 
     Args:
-        outlines: draws what is around the cracks.
-        least: half of the side of what is shown, at least, m.
+        outlines: draws the specimen and its clamp.
+        least: smallest half side of the square that is shown, m.
     """
     left, right = figure.subplots(1, 2)
     for axes, dark, pale, until in (
@@ -41,8 +51,10 @@ def overlay(
         outlines(axes)
         _zoom(axes, cracks, least)
         axes.set_anchor("N")
-    _draw_radial(left, cracks)
-    _draw_circular(right, cracks)
+    draw_elements(left, radial_elements(cracks))
+    left.set_title(symbols(radial_title(cracks)))
+    draw_elements(right, circular_elements(cracks))
+    right.set_title(circular_title(cracks))
     for axes, depths in ((left, ("third", "sixth")), (right, ("two thirds", "third"))):
         for shade, depth in zip(_shades(), depths, strict=True):
             text = f"cracked to {'' if 'two' in depth else 'a '}{depth} of the thickness"
@@ -62,7 +74,7 @@ def growth(figure: Figure, cracks: Cracks, area: np.ndarray[Any, Any]) -> tuple[
     time = _MS * grown.time
     until = "until $t_2$ (energy)" if cracks.at_failure else "until the end"
     label = f"furthest radial tip, {until}"
-    upper.plot(time, _MM * grown.tip_radius, color=_RADIAL, label=label)
+    upper.plot(time, _MM * grown.tip_radius, color=RADIAL, label=label)
     mean = cracks.mean_speed
     if mean is not None:
         known = np.isfinite(grown.tip_radius)
@@ -72,18 +84,18 @@ def growth(figure: Figure, cracks: Cracks, area: np.ndarray[Any, Any]) -> tuple[
             time[known], fitted, "--", color="0.4", lw=1.2, label=f"straight line: {mean:.1f} m/s"
         )
     upper.set_ylabel("distance from the\nstriker's axis [mm]")
-    middle.plot(time, grown.tip_speed, color=_RADIAL, linewidth=1.2)
+    middle.plot(time, grown.tip_speed, color=RADIAL, linewidth=1.2)
     middle.set_ylabel("speed of that tip\nover 0.2 ms [m/s]")
     lower.plot(time, _MM**2 * area, color="C4", label="broken area")
     lower.set_ylabel("broken area [mm$^2$]")
     lower.set_ylim(bottom=0.0)
-    beside = lower.twinx()
-    beside.grid(False)
+    right = lower.twinx()
+    right.grid(False)
     label = "length of all cracks, without the core under the striker"
-    beside.plot(time, _MM * grown.length, color="C2", linewidth=1.2, label=label)
-    beside.set_ylabel("crack length [mm]")
-    beside.set_ylim(bottom=0.0)
-    lines = [*upper.lines, *lower.lines, *beside.lines]
+    right.plot(time, _MM * grown.length, color="C2", linewidth=1.2, label=label)
+    right.set_ylabel("crack length [mm]")
+    right.set_ylim(bottom=0.0)
+    lines = [*upper.lines, *lower.lines, *right.lines]
     labels = [str(line.get_label()) for line in lines]
     figure.legend(lines, labels, loc="outside lower center", ncols=2, fontsize=12)
     lower.set_xlabel("time [ms]")
@@ -95,7 +107,7 @@ Panels = Sequence[tuple[str, Sequence[tuple[str, Cracks | None]]]]
 
 
 def sheet(figure: Figure, rows: Panels, *, final: bool) -> None:
-    """Many maps to one scale, from below: the radial cracks at t2, or all cracks at the end.
+    """Many maps with one scale, from below: the radial cracks at t2, or all cracks at the end.
 
     Args:
         final: the end, with the circle of d_c; otherwise t2, with tips and the circle of d_r.
@@ -126,7 +138,7 @@ def _draw_panel(axes: Axes, text: str, cracks: Cracks | None, *, final: bool) ->
     if cracks is None:
         axes.set_title("\n".join([*parts, "no crack"]), fontsize=12)
         return
-    style: dict[str, Any] = {"color": _CIRCULAR if final else _RADIAL}
+    style: dict[str, Any] = {"color": CIRCULAR if final else RADIAL}
     if final:
         _draw_map(axes, cracks.through, cracks.map, math.inf)
         circle, name = cracks.circular_circle, "$d_c$"
@@ -138,7 +150,7 @@ def _draw_panel(axes: Axes, text: str, cracks: Cracks | None, *, final: bool) ->
         when = f"at {_MS * cracks.radial_time:.2f} ms" if cracks.at_failure else "at the end"
         parts.append(f"{len(cracks.radial)} radial cracks {when}")
     if circle is not None:
-        axes.plot(*_circle_points(circle), "--", linewidth=1.6, **style)
+        axes.plot(*circle_points(circle), "--", linewidth=1.6, **style)
     size = "no circle" if circle is None else f"{name} = {_MM * circle.diameter:.1f} mm"
     size += "" if final or cracks.at_failure else ", no failure"
     share = f", {100 * cracks.circular_coverage:.0f} % of the turn" if final else ""
@@ -154,7 +166,7 @@ def _sheet_legend(figure: Figure, final: bool) -> None:
     for shade, depth in zip(_shades(), (deep, less), strict=True):
         text = f"cracked to {depth} of the thickness"
         handles.append(Line2D([], [], ls="", marker="s", color=shade, ms=9, label=text))
-    color, name = (_CIRCULAR, "circular crack, $d_c$") if final else (_RADIAL, "tips, $d_r$")
+    color, name = (CIRCULAR, "circular crack, $d_c$") if final else (RADIAL, "tips, $d_r$")
     if not final:
         text = "tips of the radial cracks"
         handles.append(Line2D([], [], ls="", marker="o", color=color, ms=7, label=text))
@@ -164,7 +176,7 @@ def _sheet_legend(figure: Figure, final: bool) -> None:
 
 
 def _draw_map(axes: Axes, dark: CrackMap, pale: CrackMap, until: float) -> None:
-    """What is cracked at a time in grey, and what is less deeply cracked in pale grey."""
+    """Cracked columns at a time in grey, less deeply cracked ones in pale grey."""
     x, y = (_MM * 0.5 * n * dark.spacing for n in dark.arrival.shape)
     shade = sum(np.isfinite(m.arrival) & (m.arrival <= until) for m in (dark, dark, pale))
     axes.imshow(
@@ -182,7 +194,7 @@ def _draw_map(axes: Axes, dark: CrackMap, pale: CrackMap, until: float) -> None:
 
 
 def _shades() -> tuple[Any, Any]:
-    """Colours of what is cracked deeply and less deeply."""
+    """Colours of columns that are cracked deeply and less deeply."""
     from matplotlib import colormaps
 
     return colormaps["Greys"](3 / _DARKEST), colormaps["Greys"](1 / _DARKEST)
@@ -202,54 +214,3 @@ def _reach(cracks: Cracks) -> float:
     circles = [c for c in (cracks.radial_circle, cracks.circular_circle) if c is not None]
     reach = [math.dist((c.x, c.y), cracks.map.axis) + c.diameter / 2 for c in circles]
     return float(1.15 * _MM * max(radius, 2 * cracks.map.thickness, *reach, 0.0))
-
-
-def _draw_radial(axes: Axes, cracks: Cracks) -> None:
-    for number, crack in enumerate(cracks.radial, start=1):
-        axes.plot(*(_MM * crack.path.T), color=_RADIAL, linewidth=1.2)
-        axes.plot(*(_MM * crack.tip), "o", color=_RADIAL, markeredgecolor="white", markersize=9)
-        away = crack.tip - cracks.map.axis
-        # from below x points to the left, in the picture's points too
-        shift = 14 * away / np.linalg.norm(away) * (-1, 1)
-        axes.annotate(
-            str(number),
-            tuple(_MM * crack.tip),
-            tuple(shift),
-            textcoords="offset points",
-            ha="center",
-            va="center",
-            color=_RADIAL,
-            fontsize=14,
-        )
-    _draw_circle(axes, cracks.radial_circle, _RADIAL, "$d_r$")
-    when = "$t_2$ (energy)" if cracks.at_failure else "the end, without failure"
-    at = f"{_MS * cracks.radial_time:.2f} ms"
-    axes.set_title(f"{len(cracks.radial)} radial cracks at {when}, {at}, from below")
-
-
-def _draw_circular(axes: Axes, cracks: Cracks) -> None:
-    points = _MM * cracks.circular_points.T
-    share = f"{100 * cracks.circular_coverage:.0f} % of the turn"
-    if points.size:
-        axes.plot(*points, ".", color=_CIRCULAR, markersize=5, label=f"parts around: {share}")
-    _draw_circle(axes, cracks.circular_circle, _CIRCULAR, "$d_c$")
-    known = cracks.circular_circle is not None
-    text = "circular crack at the end" if known else "no circular crack at the end"
-    axes.set_title(f"{text}, from below")
-
-
-def _draw_circle(axes: Axes, circle: Circle | None, color: str, name: str) -> None:
-    if circle is None:
-        return
-    x, y, diameter = _MM * circle.x, _MM * circle.y, _MM * circle.diameter
-    label = f"{name} = {diameter:.1f} mm, points within {_MM * circle.scatter:.1f} mm (rms)"
-    axes.plot(*_circle_points(circle), "--", color=color, label=label)
-    place = ", ".join(f"{round(v, 1) + 0.0:.1f}" for v in (x, y))  # no "-0.0"
-    axes.plot(x, y, "x", color=color, markersize=9, label=f"its centre ({place}) mm")
-
-
-def _circle_points(circle: Circle) -> np.ndarray[Any, Any]:
-    """(2, n) points of a circle, mm."""
-    angle = np.linspace(0.0, 2 * np.pi, 361)
-    round_ = np.array([np.cos(angle), np.sin(angle)])
-    return _MM * (np.array([[circle.x], [circle.y]]) + circle.diameter / 2 * round_)

@@ -1,4 +1,4 @@
-"""The figure of mode shapes, as the paper's Fig. 10: motion of the mid-plane, a panel a mode."""
+"""The figure of mode shapes, as the paper's Fig. 10: one panel for each mode's mid-plane."""
 
 import math
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ def plot_modes(
     planes: Sequence[tuple[Any, Any, Any]],
     circles: Sequence[float],
 ) -> None:
-    """Draw the component of each mode that moves most; nodal lines are black.
+    """Draw the largest component of each mode's motion; nodal lines are black.
 
     Args:
         planes: grid lines x, y (m) and motion (ny, nx, 3) of the mid-plane, for each mode.
@@ -65,7 +65,7 @@ def _panel(panel: Any, mode: "Mode", plane: tuple[Any, Any, Any], circles: Seque
     value = motion[..., component] / np.abs(motion).max()
     image = panel.pcolormesh(x, y, value, cmap="RdBu_r", vmin=-1, vmax=1, shading="nearest")
     if np.ptp(value) > 0.1 and min(value.shape) > 1:
-        # nothing moves at and under the clamp: rounding there has no nodal lines
+        # under the clamp there is no motion, and rounding there has no nodal lines
         near = maximum_filter(np.abs(value), size=5)
         panel.contour(
             x, y, np.where(near < 0.02, np.nan, value), levels=[0.0], colors="k", linewidths=0.6

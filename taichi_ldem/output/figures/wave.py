@@ -1,13 +1,13 @@
 """Figures of a run with a pulse, and of the lattice's wave speeds over wavelength and direction."""
 
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from taichi_ldem.model import waves
+from taichi_ldem.output.loaded import LoadedRun
 from taichi_ldem.scene import Material, Scene
 
 if TYPE_CHECKING:
@@ -18,21 +18,21 @@ Array = npt.NDArray[np.float64]
 Rows = Iterable[Mapping[str, Any]]
 
 POISSON_RATIOS = (0.20, 0.25, 0.30)
-_SHORT = (8, 4)  # wavelengths in modules beside the long-wave limit
+_SHORT = (8, 4)  # wavelengths in modules that are drawn with the long-wave limit
 _LONG = 1000
 POLARISATIONS = {"P": "longitudinal", "S1": "shear in the plane", "S2": "shear along [001]"}
 _EXACT, _RUN = "C3", "C0"
 
 
-def draw_pulse(figure: "Figure", folder: Path, scene: Scene, summary: Mapping[str, Any]) -> None:
-    """Snapshots of the pulse along its axis, from profiles.csv, beside the exact ones."""
+def draw_pulse(figure: "Figure", run: LoadedRun) -> None:
+    """Snapshots of the pulse along its axis, from profiles.csv, with the exact ones."""
     from taichi_ldem.scenarios.wave import Packet
 
-    table = np.genfromtxt(folder / "profiles.csv", delimiter=",", names=True)
-    packet = Packet(scene)
+    table = np.genfromtxt(run.folder.path / "profiles.csv", delimiter=",", names=True)
+    packet = Packet(run.scene)
     times = np.unique(table["time_s"])
     fine = np.linspace(*packet.ends, 401)
-    exact = packet.signal(fine, summary["time_step_s"], times)
+    exact = packet.signal(fine, run.summary["time_step_s"], times)
     scale = np.abs(exact[0]).max()
     exact /= scale
     panels = np.atleast_1d(figure.subplots(len(times), 1, sharex=True, sharey=True))
@@ -55,8 +55,9 @@ def draw_pulse(figure: "Figure", folder: Path, scene: Scene, summary: Mapping[st
     figure.legend(loc="outside lower center", ncols=3, fontsize=12)
 
 
-def draw_dispersion(figure: "Figure", _: Path, scene: Scene, summary: Mapping[str, Any]) -> None:
+def draw_dispersion(figure: "Figure", run: LoadedRun) -> None:
     """Phase speed over wavelength, between the probes and exact, and the error below."""
+    scene, summary = run.scene, run.summary
     upper, lower = _two_panels(figure)
     rows, spacing = summary["dispersion"], scene.plate.spacing
     step = summary["time_step_s"]
@@ -177,9 +178,7 @@ def speeds_over_angle(
     }
 
 
-def draw_anisotropy(
-    figure: "Figure", _: Path, scene: Scene, __: Mapping[str, Any], points: Rows = ()
-) -> None:
+def draw_anisotropy(figure: "Figure", scene: Scene, points: Rows = ()) -> None:
     """Wave speeds in the (001) plane over the isotropic solid's, for three Poisson's ratios.
 
     Args:

@@ -1,1 +1,1 @@
-"""The HTML page about a run or an ensemble."""
+"""The HTML page of a run, and the parts of which pages are made."""

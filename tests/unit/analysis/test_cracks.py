@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.cracked_plates import END, PLATE, START, Drawing, tips_on_circle
+from support.paths import DATA
 
 from taichi_ldem.analysis.cracks import (
     NO_CRACKS,
@@ -14,15 +15,14 @@ from taichi_ldem.analysis.cracks import (
     broken_area,
     crack_map,
     measure,
-    measure_run,
 )
 from taichi_ldem.model.lattice import Lattice, prism
+from taichi_ldem.scenarios.measure import measure_run
 from taichi_ldem.scene import Plate, parse_scene
 from taichi_ldem.storage.store import BAR_NUMBERING, BrokenBars, RunFolder
 
 L = PLATE.spacing  # m
 BEFORE_RING = 7.3e-3  # s, between END and RING of the drawings
-DATA = Path(__file__).parents[2] / "data"
 
 
 def ray(degrees: float, length: float = 25e-3) -> np.ndarray:
@@ -38,7 +38,7 @@ def star(*degrees: float, length: float = 25e-3) -> Drawing:
 
 
 def assert_tips(cracks: Cracks, tips: np.ndarray, within: float) -> None:
-    """Each drawn tip has one measured tip nearby, and the other way round."""
+    """Each drawn tip has one measured tip nearby, and vice versa."""
     found = np.array([crack.tip for crack in cracks.radial])
     assert len(found) == len(tips)
     distance = np.linalg.norm(found[:, None] - tips[None], axis=2)
@@ -206,7 +206,7 @@ def test_a_tip_is_followed_in_time() -> None:
     growth, speed = cracks.growth, 26e-3 / (END - START)
     drawn = speed * (time - START)
     known = np.isfinite(growth.tip_radius)
-    # a plate's thickness is core; its outermost pixel belongs to the crack's way
+    # a plate's thickness is core; its outermost pixel belongs to the crack's path
     assert not known[time < START + (3.2e-3 - 1.5 * L) / speed].any()
     assert not known[time > BEFORE_RING].any()
     going = known & (time < END)

@@ -135,7 +135,7 @@ def test_failure_by_energy_is_the_largest_strain_energy_if_it_is_lost() -> None:
 
 
 def test_failure_by_velocity_is_where_the_deceleration_ends() -> None:
-    """600 N with 200 N of oscillation at 1.46 kHz on 18.49 kg, gone at 7.5 ms."""
+    """600 N with 200 N of oscillation at 1.46 kHz on 18.49 kg, which ends at 7.5 ms."""
     force = 600.0 + 200.0 * np.sin(2 * np.pi * 1460.0 * TIME)
     for gravity in (0.0, 9.81):
         pull = np.where(TIME < 7.5e-3, force / 18.49, 0.0) - gravity
@@ -153,15 +153,15 @@ def test_failure_by_velocity_is_where_the_deceleration_ends() -> None:
 
 def test_puncture_of_a_spring_that_breaks() -> None:
     """F = k s up to 4 mm at 1 m/s, then nothing: the energy is k s^2 / 2."""
-    stiffness, way = 200e3, 1.0 * TIME
+    stiffness, displacement = 200e3, 1.0 * TIME
     # the history's force is the mean since the last sample
-    middle = way - 0.5e-5
-    force = np.where((way > 0) & (way <= 4e-3 + 1e-9), stiffness * middle, 0.0)
-    found = puncture(TIME, force, way)
+    middle = displacement - 0.5e-5
+    force = np.where((displacement > 0) & (displacement <= 4e-3 + 1e-9), stiffness * middle, 0.0)
+    found = puncture(TIME, force, displacement)
     # the average over 0.2 ms is largest 0.1 ms before the end: 780 N
     assert found.peak_load == pytest.approx(stiffness * 3.9e-3, rel=0.01)
     assert found.peak_time == pytest.approx(3.9e-3, abs=2e-5)
     assert found.peak_deflection == pytest.approx(3.9e-3, abs=2e-5)
     assert found.peak_energy == pytest.approx(stiffness * 3.9e-3**2 / 2, rel=0.01)
     assert found.total_energy == pytest.approx(stiffness * 4e-3**2 / 2, rel=1e-6)
-    assert puncture(TIME, 0 * force, way) == Puncture()
+    assert puncture(TIME, 0 * force, displacement) == Puncture()

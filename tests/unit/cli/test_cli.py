@@ -9,8 +9,7 @@ import pytest
 from support.scenes import GOOD
 
 from taichi_ldem.cli import main
-from taichi_ldem.scene import NATURAL, key_for
-from taichi_ldem.scene.tables import _table_at
+from taichi_ldem.scene import NATURAL, TABLES, key_for
 
 
 class Bad(NamedTuple):
@@ -358,7 +357,7 @@ def test_every_natural_name_leads_to_a_key_that_there_is() -> None:
         if word != "radius":  # of several things
             assert key is not None, word
             section, _, name = key.partition(".")
-            assert name in _table_at((section,)).model_fields, word
+            assert name in TABLES[section].model_fields, word
 
 
 @pytest.mark.parametrize("force", [[], ["--force"]], ids=["plain", "force"])

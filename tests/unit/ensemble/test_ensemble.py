@@ -20,6 +20,7 @@ import pytest
 from matplotlib.figure import Figure
 from rich.console import Console
 from scipy import stats
+from support.paths import CONFIGS, SCENES
 from support.synthetic import synthetic_run
 
 from taichi_ldem.cli import main
@@ -44,8 +45,8 @@ from taichi_ldem.ensemble.table3 import markdown
 from taichi_ldem.errors import SceneError
 from taichi_ldem.storage.durable import locked
 
-SCENE = Path(__file__).parents[2] / "scenes" / "cracking.toml"
-PAPER = Path(__file__).parents[3] / "configs" / "impact.toml"
+SCENE = SCENES / "cracking.toml"
+PAPER = CONFIGS / "impact.toml"
 SPEEDS = "striker.velocity=2,2.5,3"
 
 FAKE = """

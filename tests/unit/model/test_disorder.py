@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, weibull_min
 from support.blocks import DAMAGE, PMMA, SPACING, block_scene
+from support.paths import ROOT
 from support.reference import Body
 
 from taichi_ldem.errors import SceneError
@@ -167,8 +168,8 @@ class Uneven:
     """A block with all three kinds of disorder whose nodes are placed by hand."""
 
     def __init__(self) -> None:
+        from taichi_ldem.solver.build import build_dynamics
         from taichi_ldem.solver.energy import EnergySums
-        from taichi_ldem.solver.simulation import build_dynamics
 
         scene = block_scene(4, 3, 3, spacing=EDGE, material=DAMAGE, disorder=CVS)
         self.dynamics: Dynamics = build_dynamics(scene)[0]
@@ -366,10 +367,10 @@ np.savez(sys.argv[2], rows=rows, moved=simulation.displacement(),
 
 
 def test_threads_change_no_bit_and_the_ledger_closes(tmp_path: Path) -> None:
-    root, results = Path(__file__).parents[3], []
+    results = []
     for threads in ("1", "2"):
         out = tmp_path / f"{threads}.npz"
-        subprocess.run([sys.executable, "-c", RUN, threads, out], cwd=root, check=True, timeout=300)
+        subprocess.run([sys.executable, "-c", RUN, threads, out], cwd=ROOT, check=True, timeout=300)
         with np.load(out) as data:
             results.append(dict(data))
     one, two = results

@@ -11,68 +11,12 @@ from support.synthetic import synthetic_run
 from taichi_ldem.cli import main
 from taichi_ldem.errors import SceneError
 from taichi_ldem.output.movie import _palette, _write_gif, check
-from taichi_ldem.output.render.snapshots import Shot, _view_of, parse_section, speed, strain_energy
 from taichi_ldem.solver.backend import vulkan_device
-from taichi_ldem.storage.store import Fields, RunFolder, hexahedral_mesh
+from taichi_ldem.storage.store import RunFolder
 
 needs_vulkan = pytest.mark.skipif(
     not vulkan_device(), reason="no Vulkan device: apt install mesa-vulkan-drivers"
 )
-
-
-def _moved(gradient: np.ndarray, velocity: tuple[float, float, float]) -> Fields:
-    """2 x 2 x 1 modules of edge 0.5, displaced by a homogeneous gradient."""
-    points, hexahedra, _ = hexahedral_mesh(np.ones((1, 2, 2), dtype=bool), 0.5, (0.0, 0.0, 0.0))
-    broken = np.array([0.0, 0.0, 0.25, 0.0], dtype=np.float32)
-    moving = np.tile(np.float32(velocity), (len(points), 1))
-    displacement = (points @ gradient.T).astype(np.float32)
-    return Fields(points, hexahedra, displacement, moving, broken, 0.0, np.zeros(1))
-
-
-def test_speed_is_that_of_the_corners() -> None:
-    np.testing.assert_allclose(speed(_moved(np.zeros((3, 3)), (0.0, 3.0, -4.0))), 5.0)
-
-
-def test_strain_energy_of_homogeneous_strains() -> None:
-    """Uniaxial strain: C11/2 e2; simple shear: 2 C44 (g/2)^2 and what Green's strain adds."""
-    strain = 2.0**-10  # exact in single precision
-    pulled = np.zeros((3, 3))
-    pulled[0, 0] = strain
-    green = strain + strain**2 / 2
-    energy = strain_energy(_moved(pulled, (0, 0, 0)), (6.0, 2.0, 2.0))
-    np.testing.assert_allclose(energy, [3 * green**2] * 2 + [np.nan] + [3 * green**2], rtol=1e-12)
-    sheared = np.zeros((3, 3))
-    sheared[1, 2] = strain
-    energy = strain_energy(_moved(sheared, (0, 0, 0)), (6.0, 2.0, 2.0))[0]
-    assert energy == pytest.approx(4 * (strain / 2) ** 2 + 3 * (strain**2 / 2) ** 2, rel=1e-12)
-
-
-def test_a_rotation_has_no_strain_energy() -> None:
-    cosine, sine = np.cos(0.7), np.sin(0.7)
-    turned = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]]) - np.eye(3)
-    energy = strain_energy(_moved(turned, (0, 0, 0)), (6.0, 2.0, 2.0))
-    assert np.nanmax(np.abs(energy)) < 1e-12
-
-
-@pytest.mark.parametrize(
-    ("view", "section", "kept"),
-    [
-        ("above", ("y", 0.5), [False, False, True, True]),  # the eye is at -y
-        ("above", ("x", 0.5), [True, False, True, False]),  # and at +x
-        ("above", ("z", 0.6), [True, True, True, True]),
-        ("below", ("z", 0.6), [False, False, False, False]),
-    ],
-)
-def test_what_lies_before_the_section_is_not_drawn(view, section, kept) -> None:
-    fields = _moved(np.zeros((3, 3)), (0, 0, 0))
-    shot = Shot(view=view, section=section)
-    assert _view_of(shot, np.array((1.0, 1.0, 0.5))).part(fields).tolist() == kept
-
-
-@pytest.mark.parametrize("text", ["y", "y=", "w=1", "y=nan", "y=one"])
-def test_a_section_that_is_none_is_refused(text: str) -> None:
-    with pytest.raises(SceneError, match="--section"):
-        parse_section(text)
 
 
 @pytest.mark.parametrize(

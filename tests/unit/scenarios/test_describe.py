@@ -7,13 +7,14 @@ from typing import Any
 import pytest
 from rich.console import Console
 from support.blocks import block_scene
+from support.paths import CONFIGS
 
 from taichi_ldem.scenarios.describe import describe, warnings
 from taichi_ldem.scene import load_scene
 from taichi_ldem.solver import backend
 
-CONFIGS = sorted((Path(__file__).parents[3] / "configs").glob("*.toml"))
-QUICK = CONFIGS[0].with_name("impact_small.toml")
+SCENE_FILES = sorted(CONFIGS.glob("*.toml"))
+QUICK = CONFIGS / "impact_small.toml"
 
 
 def _quick(*overrides: str) -> list[str]:
@@ -53,7 +54,7 @@ def test_a_number_that_is_most_likely_a_slip_is_remarked_on(
     assert [line for line in others if not line.startswith("striker.velocity")] == []
 
 
-@pytest.mark.parametrize("config", CONFIGS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("config", SCENE_FILES, ids=lambda path: path.stem)
 def test_shipped_scenes_hold_no_slips(config: Path) -> None:
     rounded = [line for line in warnings(load_scene(config)) if "asked" in line]
     slips = [line for line in warnings(load_scene(config)) if ": in " in line or "eps_p is" in line]

@@ -2,6 +2,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from support.paths import CONFIGS
 
 from studies.leave_out import table
 from taichi_ldem.scenarios.describe import left_out
@@ -9,10 +10,10 @@ from taichi_ldem.scenarios.leave_out import KERNELS_OF_EVERYTHING, Cost, everyth
 from taichi_ldem.scene import load_scene
 from taichi_ldem.solver.memory import field_bytes
 
-CONFIGS = sorted((Path(__file__).parents[3] / "configs").glob("*.toml"))
+SCENE_FILES = sorted(CONFIGS.glob("*.toml"))
 
 
-@pytest.mark.parametrize("file", CONFIGS, ids=[file.stem for file in CONFIGS])
+@pytest.mark.parametrize("file", SCENE_FILES, ids=[file.stem for file in SCENE_FILES])
 def test_everything_leaves_out_only_what_a_plate_cannot_have(file: Path) -> None:
     scene = load_scene(file)
     full = everything(scene)
@@ -25,7 +26,7 @@ def test_everything_leaves_out_only_what_a_plate_cannot_have(file: Path) -> None
 
 def test_a_free_vibration_needs_seven_tenths_of_an_impact_s_bytes() -> None:
     """The promise of the leave-out report, on the paper's lattice."""
-    by_name = {file.stem: load_scene(file) for file in CONFIGS}
+    by_name = {file.stem: load_scene(file) for file in SCENE_FILES}
     impact, modes = by_name["impact"], by_name["modes"]
     assert modes.plate.modules == impact.plate.modules
     assert field_bytes(modes) <= 0.7 * field_bytes(impact)

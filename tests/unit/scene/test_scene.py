@@ -5,11 +5,12 @@ import math
 from pathlib import Path
 
 import pytest
+from support.paths import CONFIGS
 
 from taichi_ldem.errors import SceneError
 from taichi_ldem.scene import Scene, load_scene, parse_scene, scene_to_toml
 
-CONFIGS = sorted((Path(__file__).parents[3] / "configs").glob("*.toml"))
+SCENE_FILES = sorted(CONFIGS.glob("*.toml"))
 
 MINIMAL = """
 scenario = "impact"
@@ -56,20 +57,20 @@ def test_whole_numbers_are_numbers(minimal: Path) -> None:
     assert isinstance(density, float)
 
 
-@pytest.mark.parametrize("config", CONFIGS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("config", SCENE_FILES, ids=lambda path: path.stem)
 def test_shipped_scenes_say_what_they_are_for_and_load(config: Path) -> None:
     assert config.read_text().startswith("# ")
     assert load_scene(config).scenario == config.stem.partition("_")[0]
 
 
 def test_the_paper_s_plate() -> None:
-    plate = load_scene(CONFIGS[0].with_name("impact.toml")).plate
+    plate = load_scene(CONFIGS / "impact.toml").plate
     assert plate.modules == (174, 174, 6)  # the paper's mesh
     assert plate.spacing == pytest.approx(0.5333e-3, rel=1e-4)  # the paper's L
 
 
 def test_the_measured_strength_is_75_mpa() -> None:
-    material = load_scene(CONFIGS[0].with_name("impact_measured_strength.toml")).material
+    material = load_scene(CONFIGS / "impact_measured_strength.toml").material
     assert material.failure_strain == pytest.approx(75e6 / 3.35e9, rel=1e-15)
     assert material.limit_strain == material.failure_strain
 
@@ -106,7 +107,7 @@ def full(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("name", ["full", "minimal", *CONFIGS], ids=str)
+@pytest.mark.parametrize("name", ["full", "minimal", *SCENE_FILES], ids=str)
 def test_a_written_scene_reads_back_equal(
     name: str | Path, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
@@ -150,7 +151,7 @@ def test_overrides_win_in_order_and_make_tables(minimal: Path) -> None:
 
 
 def test_an_override_of_the_failure_strain_replaces_the_factor() -> None:
-    scene = load_scene(CONFIGS[0].with_name("impact.toml"), ["material.failure_strain=0.017"])
+    scene = load_scene(CONFIGS / "impact.toml", ["material.failure_strain=0.017"])
     assert scene.material.failure_strain == 0.017
     assert scene.material.failure_factor is None
 

@@ -186,8 +186,8 @@ def test_what_a_scene_leaves_out_is_not_there(elastic: "Simulation") -> None:
     fields = elastic.field_bytes()
     for name in ("peak", "touched", "recorded", "removed", "damped", "softening", *UNEVEN):
         assert name not in fields
-    assert elastic.striker is None
-    assert elastic.rings is None
+    assert elastic.body("striker") is None
+    assert elastic.body("rings") is None
 
 
 @pytest.mark.parametrize("law", [None, "bilinear"])
@@ -209,7 +209,7 @@ def test_whole_passes_and_strips_are_the_same_step(taichi: None, law: str | None
             dynamics.step(step % 2, 9e-8, 9e-8, 0.0, step == 29)
         moved = np.zeros((2, *dynamics.sites, 3))
         dynamics.get_displacement(0, moved)
-        ends.append((moved, dynamics.get_velocity(), dynamics.moving.to_numpy().sum(axis=0)[0]))
+        ends.append((moved, dynamics.get_velocity(), dynamics.node_sums.to_numpy().sum(axis=0)[0]))
         if law is not None:
             sites, broken = dynamics.new_broken()
             ends[-1] += (sites, broken)

@@ -1,8 +1,14 @@
 import itertools
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from support.blocks import DAMAGE, PMMA, Breakable
+from support.paths import ROOT
 
 from taichi_ldem.model import material as mat
 from taichi_ldem.model.material import BarFamily
@@ -171,3 +177,45 @@ def test_a_brittle_bar_breaks_at_once(breakable: Breakable) -> None:
     stiffness = mat.axial_stiffness(PMMA["youngs_modulus"], 0.25, block.spacing)
     whole = block.body.strain_energy(EPS_P * block.body.positions, stiffness)
     assert fracture == pytest.approx(whole, rel=1e-12)  # all that was stored at eps_p
+
+
+STRAIGHT = """
+import taichi as ti
+
+@ti.func
+def softening(peak, failure, _):
+    return (failure - peak) / (failure - 1)
+
+@ti.func
+def area(peak, failure, _):
+    return (peak - 1) * (1 - 0.5 * (peak - 1) / (failure - 1))
+
+def parameters(ductility):
+    return ductility, 0.0
+"""
+
+NEW_LAW = """
+import sys
+from support.blocks import DAMAGE, block_scene
+assert "taichi" not in sys.modules
+scene = block_scene(2, 2, 2, material=DAMAGE | {"law": "straight"})
+assert "taichi" not in sys.modules
+from taichi_ldem.solver.laws import law_named
+law = law_named("straight")
+assert law.parameters(3.0) == (3.0, 0.0)
+print(law.softening.__module__)
+"""
+
+
+def test_a_law_is_added_by_a_file(tmp_path: Path) -> None:
+    """A scene takes the name of a new file, and checking the scene does not import Taichi."""
+    package = tmp_path / "taichi_ldem"
+    shutil.copytree(ROOT / "taichi_ldem", package, ignore=shutil.ignore_patterns("__pycache__"))
+    (package / "solver" / "laws" / "straight.py").write_text(STRAIGHT, encoding="utf-8")
+    path = os.pathsep.join([str(tmp_path), str(ROOT / "tests")])
+    command = [sys.executable, "-c", NEW_LAW]
+    done = subprocess.run(
+        command, cwd=tmp_path, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split()[-1] == "taichi_ldem.solver.laws.straight"

@@ -6,10 +6,12 @@ from pathlib import Path
 
 import pytest
 from support.blocks import DAMAGE, block_scene
+from support.paths import ROOT
 
 from taichi_ldem.errors import SceneError
 from taichi_ldem.scene import DISORDERED
 from taichi_ldem.solver import memory
+from taichi_ldem.solver.fields import rows
 
 NOTCH = [{"normal": "x", "position": 2.5e-4, "from": [-1, -1], "to": [1, 1]}]
 
@@ -38,6 +40,12 @@ def test_the_bytes_are_those_of_the_fields(taichi: None, tables: dict) -> None:
     fields = [f for each in dynamics.fields().values() for f in each]
     whole = sum(field_bytes(f) for f in fields if f.shape[-3:] == dynamics.shape)
     assert memory.field_bytes(scene) == whole
+    by_row = {
+        row.name: row.bytes(dynamics.layout) for row in rows(dynamics.features, dynamics.layout)
+    }
+    assert by_row == {
+        name: sum(field_bytes(f) for f in fields) for name, fields in dynamics.fields().items()
+    }
 
 
 PEAK = """
@@ -59,9 +67,8 @@ print(memory.needed_bytes(scene), 1024 * resource.getrusage(resource.RUSAGE_SELF
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="ru_maxrss has other units elsewhere")
 def test_what_is_said_to_be_needed_is_taken() -> None:
-    root = Path(__file__).parents[3]
     command = [sys.executable, "-c", PEAK]
-    done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=True)
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     needed, taken = map(int, done.stdout.split())
     assert taken < needed < 1.3 * taken
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.paths import CONFIGS
 
 from taichi_ldem.cli import main
 from taichi_ldem.scene import load_scene
 from taichi_ldem.studies import bending, compliance
 
-CONFIGS = Path(__file__).parents[3] / "configs"
 BASE = load_scene(CONFIGS / "bend.toml")
 SERIES = [
     bending.Specimen(*beam, spacing) for spacing in bending.SPACINGS for beam in bending.SPECIMENS

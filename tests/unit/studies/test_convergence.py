@@ -7,14 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.paths import CONFIGS
 
 from taichi_ldem.errors import SceneError
 from taichi_ldem.scene import load_scene
 from taichi_ldem.studies import convergence as conv
 from taichi_ldem.studies.convergence_cracking import mean_of, places
 from taichi_ldem.studies.convergence_runs import SEED_REACH, exact_wave, finite_elements, kind
-
-CONFIGS = Path(__file__).parents[3] / "configs"
 
 
 def _row(seconds: float, error: float, modules: int = 4, timed: bool = False) -> conv.Row:

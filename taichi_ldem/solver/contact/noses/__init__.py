@@ -7,7 +7,7 @@ text that the striker's kernels compile.
 
 from importlib import import_module
 
-from taichi_ldem.solver.contact.noses.nose import Nose
+from taichi_ldem.solver.contact.nose import Nose
 
 __all__ = ["Nose", "nose_of"]
 

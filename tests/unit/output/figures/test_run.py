@@ -204,9 +204,9 @@ def test_growth_marks_the_times(run, figures):
     plot_run(run)
     for mark in ("onset", "$t_1$", "$t_2$ (energy)"):
         assert mark in texts(figures["crack_growth.png"]).split(" | ")
-    upper, _, lower, beside = figures["crack_growth.png"].axes
+    upper, _, lower, right = figures["crack_growth.png"].axes
     assert upper.lines[0].get_label() == "furthest radial tip, until $t_2$ (energy)"
-    assert "without the core" in beside.lines[0].get_label()
+    assert "without the core" in right.lines[0].get_label()
     assert np.all(np.diff(lower.lines[0].get_ydata()) >= 0)
 
 

@@ -25,18 +25,18 @@ def test_three_digits(value, shown):
     assert three_digits(value) == shown
 
 
-def test_numbers_are_told_in_their_units():
-    assert named("failure_time_s").told(1.79e-3) == "1.79 ms"
-    assert named("failure_time_s").told(None) == "none"
-    assert named("loading_rate_pa_s").told(1.52e11) == "152 GPa/s"
+def test_numbers_have_their_units():
+    assert named("failure_time_s").with_unit(1.79e-3) == "1.79 ms"
+    assert named("failure_time_s").with_unit(None) == "none"
+    assert named("loading_rate_pa_s").with_unit(1.52e11) == "152 GPa/s"
     assert named("strain_rate_1_s").title == "strain rate [1/s]"
     assert named("radial_cracks").shown(4) == named("radial_cracks").shown(4.0) == "4"
     assert named("radial_cracks").shown(4.5) == "4.50"
     assert named("broken_bars").shown(1234567) == "1,234,567"
-    assert named("radial_centre_m").told([0.0, -1.8e-4]) == "0, -0.180 mm"
-    assert named("radial_centre_m").told([7.8e-10, 2.5e-4]) == "0, 0.250 mm"
+    assert named("radial_centre_m").with_unit([0.0, -1.8e-4]) == "0, -0.180 mm"
+    assert named("radial_centre_m").with_unit([7.8e-10, 2.5e-4]) == "0, 0.250 mm"
     assert named("striker.velocity").title == "striker.velocity [m/s]"
-    assert named("something_else_m").told(0.00123) == "0.00123 m"
+    assert named("something_else_m").with_unit(0.00123) == "0.00123 m"
     assert named("wave_speed_m_s").title == "wave speed [m/s]"
 
 

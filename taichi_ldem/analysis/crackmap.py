@@ -1,0 +1,129 @@
+"""The map of a plate's cracks: when each column of modules cracked, and its crushed core."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_ldem.analysis.skeleton import closed
+from taichi_ldem.scene import Plate
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+IN_PLANE_BARS = (0, 1, 3, 4)
+"""Numbers of the bars along x and y, of both sublattices (see ``BAR_NUMBERING``)."""
+
+FAINT_SHARE = 1 / 6
+DEPTH_SHARE = 1 / 3
+THROUGH_SHARE = 2 / 3
+
+
+class BrokenBars(Protocol):
+    """Bars that have failed, n of them, as a run's fields hold them."""
+
+    @property
+    def time_s(self) -> Array:
+        """(n,) time at which each failed, s."""
+
+    @property
+    def position_m(self) -> Array:
+        """(n, 3) mid-points in the reference configuration, m."""
+
+    @property
+    def bar(self) -> NDArray[np.uint8]:
+        """(n,) number of the bar at its site, 0 to 13."""
+
+
+@dataclass(frozen=True)
+class CrackMap:
+    """When each column of modules cracked.
+
+    Attributes:
+        arrival: (nx, ny) time from which on the column is cracked, s; infinite where never.
+        spacing: edge of a pixel, one module, m.
+        thickness: of the plate, m.
+        axis: (2,) the striker's axis, m.
+    """
+
+    arrival: Array
+    spacing: float
+    thickness: float
+    axis: Array
+
+    def points(self, pixel: NDArray[np.int64]) -> Array:
+        """Centres of pixels (n, 2), m; the plate's centre is the origin."""
+        middle: Array = (pixel + 0.5 - 0.5 * np.array(self.arrival.shape)) * self.spacing
+        return middle
+
+    def radius(self) -> Array:
+        """(nx, ny) distance of each pixel's centre from the striker's axis, m."""
+        points = self.points(np.argwhere(np.ones(self.arrival.shape, dtype=bool)))
+        away: Array = np.linalg.norm(points - self.axis, axis=1)
+        return away.reshape(self.arrival.shape)
+
+
+def crack_map(
+    bars: BrokenBars,
+    plate: Plate,
+    axis: tuple[float, float] = (0.0, 0.0),
+    depth: float = DEPTH_SHARE,
+) -> CrackMap:
+    """The map of a plate's cracks over time, for a share of the thickness (see ``cracks``).
+
+    A bar on the border of two columns counts in both, so that a crack between two planes of nodes
+    is closed, with a width of one or two pixels.
+    """
+    nx, ny, nz = plate.modules
+    spacing = plate.spacing
+    chosen = np.isin(bars.bar, IN_PLANE_BARS)
+    place, time = bars.position_m[chosen], bars.time_s[chosen]
+    level = np.clip(np.rint(2 * place[:, 2] / spacing).astype(int), 0, 2 * nz)
+    column = place[:, :2] / spacing + 0.5 * np.array([nx, ny])
+    first = np.full((2 * nz + 1, nx, ny), np.inf)
+    for shift in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
+        # a hundredth of a module: more than rounding, less than the quarter to the next bar
+        i, j = np.floor(column + 0.01 * np.array(shift)).astype(int).T
+        inside = (i >= 0) & (i < nx) & (j >= 0) & (j < ny)
+        np.minimum.at(first, (level[inside], i[inside], j[inside]), time[inside])
+    needed = math.ceil(depth * (2 * nz + 1))
+    arrival = np.partition(first, needed - 1, axis=0)[needed - 1]
+    return CrackMap(arrival, spacing, plate.size[2], np.asarray(axis, dtype=float))
+
+
+def core_of(at: CrackMap, mask: Mask) -> Mask:
+    """The crushed core: a plate's thickness around the axis, and every broad part that touches it.
+
+    A part is broad where a disc with the plate's thickness as its radius fits into it.
+    """
+    from scipy import ndimage
+
+    disc = at.radius() <= at.thickness
+    half = max(2, round(at.thickness / at.spacing))
+    i, j = np.ogrid[-half : half + 1, -half : half + 1]
+    broad = ndimage.binary_opening(mask, i * i + j * j <= half * half)
+    parts, _ = ndimage.label(broad | disc, np.ones((3, 3)))
+    core: Mask = np.isin(parts, np.unique(parts[disc]))
+    return core
+
+
+def connected(at: CrackMap, time: float) -> tuple[Mask, Mask]:
+    """The part of the map that is connected to the core, and the core; (nx, ny) each."""
+    from scipy import ndimage
+
+    mask = closed(at.arrival <= time)
+    core = core_of(at, mask)
+    parts, _ = ndimage.label(mask | core, np.ones((3, 3)))
+    return np.isin(parts, np.unique(parts[core])), core
+
+
+def first_arrival(arrival: Array) -> Array:
+    """Arrival times; in bridged gaps, the first of those of the eight neighbours."""
+    from scipy import ndimage
+
+    nearby = ndimage.minimum_filter(arrival, 3, mode="nearest")
+    return np.where(np.isfinite(arrival), arrival, nearby)

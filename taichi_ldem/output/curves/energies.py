@@ -1,0 +1,84 @@
+"""Curves of the energies, of their imbalance, and of the number of broken bars."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from taichi_ldem.output.curves.chart import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    RED,
+    VIOLET,
+    Curve,
+    Panel,
+)
+from taichi_ldem.output.curves.forces import whole
+from taichi_ldem.output.curves.times import times_of
+from taichi_ldem.output.loaded import LoadedRun
+
+_TIME = "time [ms]"
+_STORED = (
+    ("strain_j", "strain", BLUE),
+    ("fracture_j", "fracture", RED),
+    ("kinetic_plate_j", "kinetic, plate", ORANGE),
+    ("contact_j", "lost in contact", GREEN),
+    ("damping_j", "lost by damping", VIOLET),
+)
+"""Column, label and colour of the energies that the plate received."""
+
+
+def energy(run: LoadedRun) -> tuple[Panel, ...]:
+    """The energies over time, and below them their imbalance."""
+    curves = [*_given(run), *_received(run)]
+    error = 100 * np.abs(run.history["energy_error"])
+    imbalance = Curve(run.time_ms, np.where(error > 0, error, np.nan), colour=BLACK, width=1.0)
+    ratio = "imbalance of energies over initial energy and external work"
+    energies = Panel(
+        "energy",
+        "Energies",
+        _TIME,
+        "energy [J]",
+        [*curves, times_of(run, "energy")],
+        x_range=whole(run),
+        height=3.0,
+    )
+    below = Panel(
+        "error",
+        "Energy error",
+        _TIME,
+        "|error| [%]",
+        [imbalance],
+        x_range=whole(run),
+        log=True,
+        note=ratio,
+    )
+    return energies, below
+
+
+def _given(run: LoadedRun) -> Iterator[Curve]:
+    """The energy that the plate was given: by the striker, gravity or the grips."""
+    history, external = run.history, run.history.get("external_j")
+    if "kinetic_striker_j" in history:
+        kinetic = history["kinetic_striker_j"]
+        label = "given up by the striker" if external is None else "striker and gravity"
+        work = 0.0 if external is None else external
+        yield Curve(run.time_ms, kinetic[0] - kinetic + work, label, GREY, dash="dash")
+    elif external is not None:
+        yield Curve(run.time_ms, external, "work of the grips", GREY, dash="dash")
+
+
+def _received(run: LoadedRun) -> Iterator[Curve]:
+    for column, label, colour in _STORED:
+        if column in run.history:
+            yield Curve(run.time_ms, run.history[column], label, colour)
+
+
+def broken_bars(run: LoadedRun) -> tuple[Panel, ...]:
+    """The number of broken bars over time."""
+    curve = Curve(run.time_ms, run.history["broken_bars"], "broken bars", RED)
+    return (Panel("broken", "Broken bars", _TIME, "bars", [curve], x_range=whole(run)),)

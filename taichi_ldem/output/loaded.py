@@ -1,0 +1,109 @@
+"""A run folder as it is read once, for its figures and its report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_ldem.analysis.paper import is_papers_test
+from taichi_ldem.analysis.signals import SMOOTHING_WINDOW
+from taichi_ldem.scenarios.registry import SCENARIOS
+from taichi_ldem.scene import Scene, load_scene
+from taichi_ldem.storage.store import RunFolder
+
+if TYPE_CHECKING:
+    from taichi_ldem.analysis.cracks import Cracks
+
+Series = NDArray[np.float64]
+
+_BEAM_WINDOW = 60e-6
+"""Averages the oscillation of a beam of the paper's size between its contacts, s."""
+
+
+def number(summary: Mapping[str, Any], key: str) -> float | None:
+    """A number of a summary; None where the run does not have it."""
+    value = summary.get(key)
+    return float(value) if isinstance(value, (int, float)) else None
+
+
+@dataclass(frozen=True)
+class LoadedRun:
+    """A run.
+
+    Attributes:
+        history: its columns, (n,) each, under the names of ``history.csv``; empty without one.
+        summary: the contents of ``summary.json``; empty while the run is not finished.
+    """
+
+    folder: RunFolder
+    scene: Scene
+    history: Mapping[str, Series]
+    summary: Mapping[str, Any]
+
+    @classmethod
+    def read(cls, folder: RunFolder, *, most_rows: int | None = None) -> LoadedRun:
+        """Read a run.
+
+        Args:
+            most_rows: of the history; a longer one is thinned evenly. None: all rows.
+
+        Raises:
+            SceneError: a file of the run cannot be read.
+        """
+        history = folder.read_history() if folder.history_file.is_file() else {}
+        if most_rows is not None:
+            every = max(1, -(-len(history.get("time_s", ())) // most_rows))
+            history = {name: values[::every] for name, values in history.items()}
+        return cls(folder, load_scene(folder.scene_file), history, folder.read_summary())
+
+    @property
+    def rows(self) -> int:
+        """Number of samples."""
+        return len(self.history.get("time_s", ()))
+
+    @property
+    def time_ms(self) -> Series:
+        """(n,) times of the samples, ms."""
+        return 1e3 * self.history["time_s"]
+
+    @property
+    def is_papers_test(self) -> bool:
+        """Whether the scene has the plate, striker and speed of the paper's test."""
+        return is_papers_test(self.scene)
+
+    @property
+    def is_beam(self) -> bool:
+        """Whether the specimen is a beam on supports, which is seen from the side."""
+        return self.scene.supports is not None
+
+    @property
+    def drawn(self) -> bool:
+        """Whether pictures of the plate belong to the scenario."""
+        return SCENARIOS[self.scene.scenario].pictures
+
+    @property
+    def window(self) -> float:
+        """Time over which forces are averaged, s."""
+        return _BEAM_WINDOW if self.is_beam else SMOOTHING_WINDOW
+
+    @cached_property
+    def cracks(self) -> Cracks | None:
+        """The measured cracks of a falling-weight test; None without a broken bar."""
+        if self.scene.scenario != "impact" or not self.folder.fields_file.is_file():
+            return None
+        from taichi_ldem.scenarios.measure import measure_run
+
+        return measure_run(self.folder)
+
+    def has(self, column: str) -> bool:
+        """Whether the history has a column, and a curve in it."""
+        return len(self.history.get(column, ())) > 1
+
+    def number(self, key: str) -> float | None:
+        """A number of the summary; None where the run does not have it."""
+        return number(self.summary, key)

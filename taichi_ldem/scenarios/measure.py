@@ -1,0 +1,26 @@
+"""Cracks of a run, measured from its folder."""
+
+from __future__ import annotations
+
+from taichi_ldem.analysis.cracks import Cracks, measure
+from taichi_ldem.analysis.signals import energy_failure
+from taichi_ldem.scene import load_scene
+from taichi_ldem.storage.store import RunFolder, read_broken_bars
+
+
+def measure_run(folder: RunFolder) -> Cracks | None:
+    """Measure the cracks of a run; None for a scene without damage or without a broken bar.
+
+    Raises:
+        SceneError: a file of the run cannot be read.
+    """
+    scene = load_scene(folder.scene_file)
+    if not scene.material.damage or not folder.fields_file.is_file():
+        return None
+    bars = read_broken_bars(folder.fields_file)
+    if not len(bars.bar):
+        return None
+    history = folder.read_history()
+    time, strain = history["time_s"], history["strain_j"]
+    position = scene.striker.position if scene.striker else (0.0, 0.0)
+    return measure(bars, scene.plate, position, energy_failure(time, strain), time)

@@ -1,0 +1,357 @@
+"""Checks that compare tables of a scene with each other, and what each scenario asks of its scene.
+
+Every check raises ValueError with a complete message. A check of a table is a function here that
+``CHECKS`` lists. What a scenario needs stands in its entry of ``SCENARIOS``; ``register_scenario``
+adds one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from taichi_ldem.errors import SceneError
+from taichi_ldem.scene.equations import Bars, bar_families
+from taichi_ldem.scene.values import refuse
+
+if TYPE_CHECKING:
+    from taichi_ldem.scene.scene import Scene
+    from taichi_ldem.scene.tables import Notch
+
+MAX_SAMPLES = 10**7
+MAX_FRAMES = 10**4
+NO_DURATION = 1.0  # s, of a scene that does not step in time
+ROUNDING = 0.01  # largest relative change of a side that is rounded to whole modules
+LARGE_SIDE = 1.0  # m; a plate with a longer side was probably meant in millimetres
+
+
+def check(scene: Scene) -> None:
+    """Compare all tables of a scene.
+
+    Raises:
+        ValueError: the message of the first fault.
+    """
+    for rule in CHECKS:
+        rule(scene)
+
+
+# --- scenarios ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class ScenarioRules:
+    """What a scenario asks of its scene.
+
+    Attributes:
+        needs: tables that the scene must have.
+        without: tables that it must not have.
+        breaks: whether bars may break, so that the lattice must be fine enough for the material.
+        defaults: of keys that other scenarios need, by table and key.
+        check: the scenario's own check, called when the tables are as above.
+    """
+
+    needs: tuple[str, ...] = ()
+    without: tuple[str, ...] = ()
+    breaks: bool = True
+    defaults: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    check: Callable[[Scene], None] | None = None
+
+
+def register_scenario(name: str, rules: ScenarioRules | None = None) -> None:
+    """Make a scenario known to scenes as ``scenario = name``; one that is known stays as it is."""
+    SCENARIOS.setdefault(name, rules or ScenarioRules())
+
+
+def with_defaults(data: Any) -> Any:
+    """Tables as TOML gives them, with the defaults of their scenario."""
+    name = data.get("scenario") if isinstance(data, Mapping) else None
+    rules = SCENARIOS.get(name) if isinstance(name, str) else None
+    if rules is None:
+        return data
+    for table, values in rules.defaults.items():
+        given = data.get(table, {})
+        if isinstance(given, Mapping):
+            data = {**data, table: {**values, **given}}
+    return data
+
+
+def _check_scenario(scene: Scene) -> None:
+    """Check that the tables are there that the scenario needs, and none that it cannot use."""
+    name, rules = scene.scenario, SCENARIOS[scene.scenario]
+    for table in rules.without:
+        if getattr(scene, table) is not None:
+            raise refuse("scenario", name, f"has no table [{table}]")
+    if "grips" not in rules.needs:
+        if scene.grips is not None:
+            raise refuse("scenario", name, "has no table [grips]")
+        if scene.plate.angle:
+            why = f"only for scenario = {_needing('grips')}"
+            raise refuse("plate.angle", scene.plate.angle, why)
+    for table in rules.needs:
+        if getattr(scene, table) is None:
+            raise ValueError(f"missing table '[{table}]' (scenario = \"{name}\")")
+    if scene.pulse is not None and "pulse" not in rules.needs:
+        raise refuse("scenario", name, f"must be {_needing('pulse')} with a table [pulse]")
+    if rules.check is not None:
+        rules.check(scene)
+
+
+def _needing(table: str) -> str:
+    """Names of the scenarios that need a table."""
+    return " or ".join(f'"{name}"' for name, rules in SCENARIOS.items() if table in rules.needs)
+
+
+def _check_tension(scene: Scene) -> None:
+    grips, spacing = scene.grips, scene.plate.spacing
+    assert grips is not None
+    between = scene.plate.size[0] - 2 * grips.length
+    if between < 2 * spacing:
+        longest = scene.plate.size[0] / 2 - spacing
+        why = f"must be at most {longest:.6g}, which leaves two modules between the grips"
+        raise refuse("grips.length", grips.length, why)
+    gauge = grips.gauge_length or scene.default_gauge_length
+    assert gauge is not None
+    if not 2 * spacing * (1 - ROUNDING) <= gauge <= between * (1 + ROUNDING):
+        why = f"must lie between two modules, {2 * spacing:.6g}, and the grips, {between:.6g}"
+        raise refuse("grips.gauge_length", gauge, why)
+
+
+def _check_bend(scene: Scene) -> None:
+    if scene.held:
+        assert scene.clamp is not None
+        why = 'must be "free" or absent with scenario = "bend": the beam lies on [supports]'
+        raise refuse("clamp.kind", scene.clamp.kind, why)
+
+
+def _check_wave(scene: Scene) -> None:
+    pulse = scene.pulse
+    assert pulse is not None
+    _check_free_prism(scene)
+    shortest = 4 * scene.plate.spacing
+    if pulse.wavelength < shortest:
+        why = f"must be at least {shortest:.6g}, four modules"
+        raise refuse("pulse.wavelength", pulse.wavelength, why)
+    axis = "xyz".index(pulse.axis)
+    side = scene.plate.actual_size[axis]
+    low, high = (0.0, side) if axis == 2 else (-side / 2, side / 2)
+    if not low <= pulse.position < pulse.probes[0] < pulse.probes[1] <= high:
+        places = (pulse.position, *pulse.probes)
+        why = f"position and probes must rise between {low:.6g} and {high:.6g}, not {places}"
+        raise refuse("pulse.probes", pulse.probes, why)
+
+
+def _check_free_prism(scene: Scene) -> None:
+    plate = scene.plate
+    if plate.shape != "rectangle":
+        raise refuse("plate.shape", plate.shape, 'must be "rectangle" with [pulse]')
+    if plate.perturbation:
+        why = "must be 0 with [pulse]: waves are compared with those of a regular lattice"
+        raise refuse("plate.perturbation", plate.perturbation, why)
+    for name, present in (
+        ("disorder", scene.disorder),
+        ("striker", scene.striker),
+        ("clamp", scene.held),
+        ("supports", scene.supports),
+        ("notch", scene.notch),
+    ):
+        if present:
+            raise ValueError(f"table '[{name}]': a pulse runs through a free, uniform prism")
+
+
+SCENARIOS = {
+    "impact": ScenarioRules(),
+    "tension": ScenarioRules(needs=("grips",), without=("striker", "clamp"), check=_check_tension),
+    "bend": ScenarioRules(needs=("striker", "supports"), check=_check_bend),
+    "wave": ScenarioRules(needs=("pulse",), check=_check_wave),
+    "modes": ScenarioRules(breaks=False, defaults={"solver": {"duration": NO_DURATION}}),
+}
+"""The scenarios that ``scenario`` may name, in the order of messages."""
+
+
+# --- plate and material ---------------------------------------------------------------------------
+
+
+def _check_sides(scene: Scene) -> None:
+    plate, spacing = scene.plate, scene.plate.spacing
+    for axis, side, actual in zip("xy", plate.size, plate.actual_size, strict=False):
+        if plate.angle or abs(actual - side) <= ROUNDING * side:
+            continue
+        if SCENARIOS[scene.scenario].breaks:
+            refuse_coarse(scene)  # before sides are fitted to modules that are too coarse
+        below = math.floor(side / spacing)
+        fits = " or ".join(f"{n * spacing:.6g}" for n in (below, below + 1) if n > 0)
+        why = f"side {axis} must be a whole number of modules of {spacing:.6g} m: {fits}"
+        raise refuse("plate.size", plate.size, why)
+
+
+def refuse_coarse(scene: Scene, name: str = "") -> Bars:
+    """The scene's bar families, refused where modules are too coarse for the material.
+
+    Args:
+        name: of the scene's file, which opens the message.
+
+    Raises:
+        SceneError: with damage, K_r < 1 for a family (Eq. (12)).
+    """
+    plate, limit = scene.plate, scene.material.limit_strain
+    where = f"{name}: " if name else ""
+    bars = bar_families(scene.material, plate.spacing, plate.stiffness)
+    if not scene.material.damage:
+        return bars
+    for kind, family in (("longitudinal", bars.longitudinal), ("diagonal", bars.diagonal)):
+        if family.ductility >= 1:
+            continue
+        if limit is not None:
+            raise SceneError(
+                f"{where}material.limit_strain = {limit}: must be at least the failure strain "
+                f"eps_p = {_rounded_up(family.peak_strain)}"
+            )
+        largest = family.critical_length * plate.spacing / family.length
+        modules = math.ceil(plate.size[2] / largest)
+        metres = max(plate.size) > LARGE_SIDE
+        raise SceneError(
+            f"{where}plate.modules_through_thickness = {plate.modules_through_thickness}: "
+            f"K_r = {family.ductility:.3f} < 1 for {kind} bars (Eq. 12), too coarse for them "
+            "to soften: at their strength they hold more than G_f; the module edge may be "
+            f"{largest * 1e3:.4g} mm at most, at least {modules} modules, or give "
+            f"material.limit_strain >= {_rounded_up(family.peak_strain)}, with which they "
+            "dissipate more than G_f" + ("; plate.size is in metres" if metres else "")
+        )
+    return bars
+
+
+def _rounded_up(strain: float) -> str:
+    """A strain to five digits that is not below it: it may be copied into a scene."""
+    text = f"{strain:.5g}"
+    return text if float(text) >= strain else f"{strain * (1 + 5e-5):.5g}"
+
+
+def _check_disorder(scene: Scene) -> None:
+    length = scene.disorder.correlation_length if scene.disorder is not None else 0.0
+    if 0 < length < scene.plate.spacing:
+        why = f"must be at least {scene.plate.spacing:.6g}, one module, or 0: none"
+        raise refuse("disorder.correlation_length", length, why)
+
+
+def _check_notches(scene: Scene) -> None:
+    for number, notch in enumerate(scene.notch):
+        _check_notch(scene, f"notch[{number}]", notch)
+
+
+def _check_notch(scene: Scene, key: str, notch: Notch) -> None:
+    x, y, z = scene.plate.size
+    limits = ((-x / 2, x / 2), (-y / 2, y / 2), (0.0, z))
+    normal, *axes = notch.axes
+    lower, upper = limits[normal]
+    if not lower < notch.position < upper:
+        why = f"must lie inside the plate, between {lower!r} and {upper!r}"
+        raise refuse(f"{key}.position", notch.position, why)
+    for axis, (start, stop) in zip(axes, notch.bounds, strict=True):
+        lower, upper = limits[axis]
+        if not start < stop:
+            why = f"must differ from {key}.from along {'xyz'[axis]}"
+            raise refuse(f"{key}.to", notch.to, why)
+        if stop <= lower or start >= upper:
+            why = f"must cut the plate, which has {'xyz'[axis]} from {lower!r} to {upper!r}"
+            raise refuse(f"{key}.to", notch.to, why)
+
+
+# --- rigid bodies ---------------------------------------------------------------------------------
+
+
+def _check_clamp(scene: Scene) -> None:
+    clamp = scene.clamp
+    if clamp is None or clamp.kind == "free":
+        return
+    key = "inner_diameter" if clamp.kind == "rim" else "outer_diameter"
+    diameter = getattr(clamp, key)
+    width = scene.plate.diameter or scene.plate.width
+    if diameter > width:
+        why = f"must fit inside the plate, at most {width!r}"
+        raise refuse(f"clamp.{key}", diameter, why)
+
+
+def _check_striker(scene: Scene) -> None:
+    striker, clamp = scene.striker, scene.clamp
+    if striker is None:
+        return
+    if not scene.plate.covers(*striker.position):
+        why = "must be over the plate, in metres from its centre"
+        raise refuse("striker.position", striker.position, why)
+    if clamp is None or clamp.kind == "free":
+        return
+    inner = clamp.inner_diameter
+    assert inner is not None
+    if striker.diameter >= inner:
+        why = f"must be smaller than clamp.inner_diameter = {inner!r}"
+        raise refuse("striker.diameter", striker.diameter, why)
+    if math.hypot(*striker.position) + striker.diameter / 2 >= inner / 2:
+        why = f"the striker must stay inside clamp.inner_diameter = {inner!r}"
+        raise refuse("striker.position", striker.position, why)
+
+
+def _check_supports(scene: Scene) -> None:
+    supports, length = scene.supports, scene.plate.size[0]
+    if supports is None:
+        return
+    if supports.span > length:
+        why = f"must be at most {length!r}, the plate's side x"
+        raise refuse("supports.span", supports.span, why)
+    if supports.diameter > supports.span:
+        why = f"must be at most supports.span = {supports.span!r}"
+        raise refuse("supports.diameter", supports.diameter, why)
+
+
+# --- time and machine -----------------------------------------------------------------------------
+
+
+def _check_output(scene: Scene) -> None:
+    end, output = scene.solver.duration, scene.output
+    for key, limit in (("history_interval", MAX_SAMPLES), ("field_interval", MAX_FRAMES)):
+        interval = getattr(output, key)
+        if not interval:
+            continue
+        if interval > end:
+            why = f"must be at most solver.duration = {end!r}"
+            raise refuse(f"output.{key}", interval, why)
+        if not end / interval <= limit:
+            why = f"must be at least {end / limit:.6g}: {limit} intervals in solver.duration"
+            raise refuse(f"output.{key}", interval, why)
+    if output.field_interval and output.field_interval < output.history_interval:
+        why = f"must be at least output.history_interval = {output.history_interval!r}, or 0"
+        raise refuse("output.field_interval", output.field_interval, why)
+    nyquist = 0.5 / output.history_interval
+    for cutoff in output.filter_frequencies:
+        if cutoff >= nyquist:
+            why = f"must be below {nyquist:.6g}, half of 1 / output.history_interval"
+            raise refuse("output.filter_frequencies", cutoff, why)
+    for time in output.image_times:
+        if time > end:
+            why = (
+                f"must lie between 0 and solver.duration = {end!r}; without snapshots: "
+                '--set "output.image_times=[]"'
+            )
+            raise refuse("output.image_times", time, why)
+
+
+def _check_vulkan(scene: Scene) -> None:
+    solver, law = scene.solver, scene.material.law
+    if (solver.arch, solver.precision, law) == ("vulkan", "f64", "exponential"):
+        why = 'Vulkan has no exp in f64, use "bilinear" or solver.precision = "f32"'
+        raise refuse("material.law", law, why)
+
+
+CHECKS: tuple[Callable[[Scene], None], ...] = (
+    _check_sides,
+    _check_disorder,
+    _check_clamp,
+    _check_striker,
+    _check_scenario,
+    _check_supports,
+    _check_output,
+    _check_vulkan,
+    _check_notches,
+)
+"""All checks, in the order in which faults are reported."""

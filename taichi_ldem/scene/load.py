@@ -1,0 +1,127 @@
+"""Scenes as text: TOML files, overrides of single keys, and writing back."""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import tomli_w
+from pydantic import BaseModel
+
+from taichi_ldem.errors import SceneError
+from taichi_ldem.scene.messages import nearest
+from taichi_ldem.scene.schema import single_tables
+from taichi_ldem.scene.tables import DISORDERED
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+MAX_FILE_BYTES = 1 << 20
+
+EXCLUSIVE: dict[tuple[str, ...], str] = {
+    ("material", "failure_strain"): "failure_factor",
+    ("material", "failure_factor"): "failure_strain",
+    **{("disorder", f"{name}_cv"): f"{name}_data" for name in DISORDERED},
+    **{("disorder", f"{name}_data"): f"{name}_cv" for name in DISORDERED},
+}
+"""Keys of which a table has one only: an override of one removes the other."""
+
+
+class Override(NamedTuple):
+    """A key of a scene, by table and name, and its new value."""
+
+    path: tuple[str, ...]
+    value: object
+
+    @property
+    def key(self) -> str:
+        """The key as a user writes it, ``section.key``."""
+        return ".".join(self.path)
+
+
+def read_file(path: Path) -> dict[str, Any]:
+    """The tables of a TOML file.
+
+    Raises:
+        SceneError: it cannot be read, is too large or is not TOML.
+    """
+    try:
+        with path.open("rb") as file:
+            content = file.read(MAX_FILE_BYTES + 1)
+    except FileNotFoundError:
+        raise SceneError(f"{path}: no such scene file") from None
+    except IsADirectoryError:
+        raise SceneError(f"{path}: is a directory, not a scene file") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise SceneError(f"{path}: cannot be read: {reason}") from None
+    if len(content) > MAX_FILE_BYTES:
+        raise SceneError(f"{path}: larger than {MAX_FILE_BYTES >> 20} MiB, no scene")
+    return read_toml(content, path.name)
+
+
+def read_toml(content: bytes, name: str) -> dict[str, Any]:
+    """The tables of a TOML text; `name` opens the message of SceneError where it is not TOML."""
+    try:
+        return tomllib.loads(content.decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        line = content[: error.start].count(b"\n") + 1
+        raise SceneError(f"{name}: line {line} is not UTF-8 text") from None
+    except (ValueError, RecursionError) as error:  # ValueError: also an integer of 5000 digits
+        reason = "nested too deeply" if isinstance(error, RecursionError) else error
+        raise SceneError(f"{name}: not valid TOML: {reason}") from None
+
+
+def write_toml(data: dict[str, Any]) -> str:
+    """A resolved scene's tables as the text of a TOML file."""
+    return "# Resolved scene, SI units, defaults included.\n" + tomli_w.dumps(data)
+
+
+def parse_overrides(texts: Sequence[str], schema: type[BaseModel]) -> list[Override]:
+    """Overrides `section.key=value`, with values in TOML or as bare words.
+
+    Raises:
+        SceneError: one that has another form or names a section that the schema lacks.
+    """
+    return [_parse_override(text, schema) for text in texts]
+
+
+def _parse_override(text: str, schema: type[BaseModel]) -> Override:
+    key, equals, value = (part.strip() for part in text.partition("="))
+    path = tuple(key.split("."))
+    if not equals or not all(path) or len(path) > 2 or (len(path) == 1 and key != "scenario"):
+        raise SceneError(f"--set {text}: must be section.key=value")
+    if len(path) == 2 and path[0] not in schema.model_fields:
+        hint = nearest(path[0], single_tables(schema))
+        raise SceneError(f"--set {text}: unknown section '{path[0]}'; {hint}")
+    return Override(path, _parse_value(text, value))
+
+
+def _parse_value(text: str, value: str) -> object:
+    try:
+        parsed = tomllib.loads(f"value = {value}")
+        if parsed.keys() == {"value"}:
+            return parsed["value"]
+    except (ValueError, RecursionError):
+        if value[:1].isalpha() and value.replace("-", "").replace("_", "").isalnum():
+            return value
+    raise SceneError(f"--set {text}: the value is neither TOML nor a bare word")
+
+
+def apply_overrides(data: dict[str, Any], overrides: Sequence[Override]) -> dict[str, Any]:
+    """The same tables, changed in place in the order of the overrides.
+
+    Raises:
+        SceneError: a section that is a list of tables.
+    """
+    for override in overrides:
+        table = data
+        for section in override.path[:-1]:
+            table = table.setdefault(section, {})
+            if not isinstance(table, dict):
+                raise SceneError(f"--set {override.key}: '{section}' is not a single table")
+        table[override.path[-1]] = override.value
+        table.pop(EXCLUSIVE.get(override.path, ""), None)
+    return data

@@ -1,0 +1,192 @@
+"""The whole scene: what is simulated, as data, checked before anything expensive is imported."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, ValidationError, model_validator
+
+from taichi_ldem.errors import SceneError
+from taichi_ldem.scene import checks, load, messages
+from taichi_ldem.scene.bodies import Clamp, Grips, Striker, Supports
+from taichi_ldem.scene.schema import tables_of
+from taichi_ldem.scene.tables import (
+    Disorder,
+    Material,
+    Modes,
+    Notch,
+    Output,
+    Plate,
+    Pulse,
+    Solver,
+)
+from taichi_ldem.scene.values import OneOf, Table
+
+ScenarioName = Annotated[str, BeforeValidator(OneOf(checks.SCENARIOS))]
+
+
+class Scene(Table):
+    """A complete scene. A table that is left out (None) is a feature that is left out."""
+
+    scenario: ScenarioName
+    plate: Plate
+    material: Material
+    disorder: Disorder | None = None
+    striker: Striker | None = None
+    clamp: Clamp | None = None
+    grips: Grips | None = None
+    pulse: Pulse | None = None
+    supports: Supports | None = None
+    solver: Solver
+    output: Output = Output()
+    notch: tuple[Notch, ...] = ()
+    modes: Modes | None = None
+
+    @classmethod
+    def load(cls, path: str | Path, *overrides: str) -> Scene:
+        """Read a scene file and override keys, "section.key=value" each, as ``--set`` does.
+
+        Raises:
+            SceneError: file, an override or a value is not acceptable; one line.
+        """
+        return load_scene(path, overrides)
+
+    def changed(self, *overrides: str) -> Scene:
+        """The scene with other values, "section.key=value" each, as ``--set`` takes them.
+
+        Raises:
+            SceneError: an override or a value is not acceptable; one line.
+        """
+        data = self.model_dump(by_alias=True, exclude_none=True)
+        # defaults that depend on other keys follow these
+        if self.output.field_interval == self.default_field_interval:
+            del data["output"]["field_interval"]
+        if self.grips is not None and self.grips.gauge_length == self.default_gauge_length:
+            del data["grips"]["gauge_length"]
+        return _overridden(data, "scene", overrides)
+
+    @property
+    def held(self) -> bool:
+        """Whether anything holds the plate."""
+        return self.clamp is not None and self.clamp.kind != "free"
+
+    @property
+    def field_times(self) -> tuple[float, ...]:
+        """Sorted times at which fields are stored: start, every interval, image times, end; s."""
+        end, interval = self.solver.duration, self.output.field_interval or 0.0
+        count = math.floor(end / interval * (1 + 1e-12)) if interval > 0 else 0
+        times = {min(end, n * interval) for n in range(count + 1)}
+        return tuple(sorted(times | {end, *self.output.image_times}))
+
+    @property
+    def default_field_interval(self) -> float:
+        """Interval between stored fields where the scene gives none, s."""
+        return max(self.solver.duration / 10, self.output.history_interval)
+
+    @property
+    def default_gauge_length(self) -> float | None:
+        """Length on which strains are measured where the scene gives none, m; None: no grips."""
+        if self.grips is None:
+            return None
+        between = self.plate.size[0] - 2 * self.grips.length
+        return max(between / 2, 2 * self.plate.spacing)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_defaults(cls, data: Any) -> Any:
+        return checks.with_defaults(data)
+
+    @model_validator(mode="after")
+    def _check(self) -> Scene:
+        checks.check(self)
+        # resolved here, once: these defaults depend on other tables
+        if self.output.field_interval is None:
+            self._resolve("output", field_interval=self.default_field_interval)
+        if self.grips is not None and self.grips.gauge_length is None:
+            self._resolve("grips", gauge_length=self.default_gauge_length)
+        return self
+
+    def _resolve(self, table: str, **values: float | None) -> None:
+        """Put values into a table of the scene, which is frozen for everybody else."""
+        object.__setattr__(self, table, getattr(self, table).model_copy(update=values))
+
+
+TABLES = tables_of(Scene)
+"""The tables of a scene by name."""
+
+
+def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
+    """Read a scene file, apply `section.key=value` overrides in order, and validate.
+
+    Values of overrides are TOML values; bare words are taken as strings. An override of
+    material.failure_strain replaces the file's failure_factor, and the other way round.
+
+    Raises:
+        SceneError: file, an override or a value is not acceptable; one line.
+    """
+    path = Path(path)
+    return _overridden(load.read_file(path), path.name, overrides)
+
+
+def load_tables(path: str | Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
+    """The tables of a scene file with overrides, not validated; otherwise as `load_scene`."""
+    data = load.read_file(Path(path))
+    return load.apply_overrides(data, load.parse_overrides(overrides, Scene))
+
+
+def override_value(text: str) -> object:
+    """The value of an override `section.key=value`; SceneError as `load_scene`."""
+    return load.parse_overrides([text], Scene)[0].value
+
+
+def parse_scene(
+    data: Mapping[str, Any],
+    name: str = "scene",
+    overridden: Collection[str] = (),
+) -> Scene:
+    """Validate tables as TOML gives them; `name` opens the message of errors.
+
+    Keys in `overridden` ("section.key") came from the command line, which the message says.
+
+    Raises:
+        SceneError: one line for the first fault; unknown keys come before wrong values.
+    """
+    try:
+        return Scene.model_validate(data)
+    except ValidationError as error:
+        # a misspelt key also shows up as a missing one: name the cause, not the consequence
+        faults = sorted(error.errors(), key=lambda fault: fault["type"] != "extra_forbidden")
+        message = messages.explain(faults[0], data, Scene)
+        if any(
+            message.startswith((f"{key} =", f"{key}[", f"unknown key '{key}'"))
+            for key in overridden
+        ):
+            name = "command line"
+        raise SceneError(f"{name}: {message}") from None
+
+
+def parse_scene_text(text: str, name: str) -> Scene:
+    """A scene from TOML text; `name` opens the message of errors, SceneError as `load_scene`."""
+    return parse_scene(load.read_toml(text.encode(), name), name)
+
+
+def scene_to_toml(scene: Scene) -> str:
+    """The resolved scene, defaults included, as TOML that `load_scene` reads to an equal Scene."""
+    data = scene.model_dump(by_alias=True, exclude_none=True)
+    if not scene.notch:
+        del data["notch"]
+    return load.write_toml(data)
+
+
+def key_for(word: str) -> str | None:
+    """The key of a scene, "section.key", that an option of this name was most likely meant for."""
+    return messages.key_for(word, Scene)
+
+
+def _overridden(data: dict[str, Any], name: str, texts: Sequence[str]) -> Scene:
+    overrides = load.parse_overrides(texts, Scene)
+    keys = {override.key for override in overrides}
+    return parse_scene(load.apply_overrides(data, overrides), name, keys)

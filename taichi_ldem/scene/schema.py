@@ -1,0 +1,47 @@
+"""The schema seen from outside: which tables and lists a scene has, read from its class."""
+
+import typing
+from collections.abc import Iterator
+from typing import Any
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+
+def tables_of(schema: type[BaseModel]) -> dict[str, type[BaseModel]]:
+    """The tables of a schema by name, those that may be repeated included."""
+    found = ((name, table_of(field)) for name, field in schema.model_fields.items())
+    return {name: table for name, table in found if table is not None}
+
+
+def single_tables(schema: type[BaseModel]) -> list[str]:
+    """Names of the tables that a scene has once."""
+    return [name for name in tables_of(schema) if not is_list(schema.model_fields[name])]
+
+
+def table_of(field: FieldInfo) -> type[BaseModel] | None:
+    """The table that a field of a schema holds, once or several times."""
+    for kind in _flat(field.annotation):
+        if isinstance(kind, type) and issubclass(kind, BaseModel):
+            return kind
+    return None
+
+
+def is_list(field: FieldInfo) -> bool:
+    """Whether a field holds a list of any length."""
+    return any(Ellipsis in typing.get_args(kind) for kind in _flat(field.annotation))
+
+
+def length_of(field: FieldInfo) -> int | None:
+    """Number of elements that a field's list must have; None where any will do."""
+    for kind in _flat(field.annotation):
+        if typing.get_origin(kind) is tuple and Ellipsis not in typing.get_args(kind):
+            return len(typing.get_args(kind))
+    return None
+
+
+def _flat(kind: Any) -> Iterator[Any]:
+    """A type and all types that it is composed of."""
+    yield kind
+    for inner in typing.get_args(kind):
+        yield from _flat(inner)

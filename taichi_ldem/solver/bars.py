@@ -1,0 +1,304 @@
+"""Pass 1 of the step: the axial force of every bar, and the history of those that soften.
+
+A bar is evaluated once; what is stored is one scalar, its axial force over its current length. All
+lanes of a column are worked on at once. Damage is looked at bar by bar, and only in lanes where the
+elastic force comes close to that at eps_p or a bit says that a bar is more than elastic.
+
+Functions take the place of a column as a struct ``at`` with the integers ``k``, ``j``, ``m`` (the
+column) and, where bar scalars are stored, ``strip`` and ``row`` (of ``State.axial``). The struct
+``step`` holds the buffer ``now`` and the numbers of the step (see ``solver.step``).
+"""
+
+from typing import Any
+
+import taichi as ti
+
+from taichi_ldem.model.lattice import BAR_VECTORS, BARS_PER_SITE
+from taichi_ldem.model.topology import (
+    ENDS,
+    FAMILY,
+    INVERSE_LENGTH_SQUARED,
+    LENGTH_SQUARED,
+    STIFFNESS_KIND,
+)
+from taichi_ldem.solver.state import State
+
+ALL = None
+"""In place of a lane: every lane of a column at once."""
+
+TINY = 1e-12
+"""Least square of a bar's length ratio: a bar whose ends meet has no direction to push in."""
+
+CLOSE = 1 - 1e-5
+"""Share of the force at eps_p from which a bar's strain is compared with it: within the rounding of
+f32, so that the test of the force only spares bars that are well below."""
+
+
+def _every(lane: Any) -> bool:
+    return lane is ALL
+
+
+@ti.data_oriented
+class BarForces:
+    """Stiffness, strain, damage and force of bars, from the fields of a lattice."""
+
+    def __init__(self, state: State):
+        self.state = state
+
+    # -- a bar's own properties --------------------------------------------------------------------
+
+    @ti.func
+    def stiffness_of_lanes(self, bar: ti.template(), at: ti.template()):
+        """EA/L0 of a bar in every lane, N/m; 0 where there is none."""
+        k, j, m = at.k, at.j, at.m
+        kind = ti.static(STIFFNESS_KIND[bar])
+        whole = self.state.lane_entries(self.state.stiffness, self.state.code[k, j, m], kind)
+        if ti.static(self.state.features.modulus):
+            whole *= self.state.modulus[bar][k, j, m]
+        if ti.static(self.state.features.perturbed):
+            whole *= ti.sqrt(self.square_of_length_ratio(bar, at, ALL))
+        return whole
+
+    @ti.func
+    def stiffness(self, bar: ti.template(), at: ti.template(), lane):
+        """EA/L0 of a bar in one lane, N/m; 0 where there is none."""
+        k, j, m = at.k, at.j, at.m
+        kind = ti.static(STIFFNESS_KIND[bar])
+        whole = self.state.stiffness[int(self.state.code[k, j, m][lane])][kind]
+        if ti.static(self.state.features.modulus):
+            whole *= self.state.modulus[bar][k, j, m][lane]
+        if ti.static(self.state.features.perturbed):
+            whole *= ti.sqrt(self.square_of_length_ratio(bar, at, lane))
+        return whole
+
+    @ti.func
+    def perturbed_vector(
+        self, bar: ti.template(), axis: ti.template(), at: ti.template(), lane: ti.template()
+    ):
+        """Component of the vector along a bar of a perturbed lattice at rest, in module edges."""
+        k, j, m = at.k, at.j, at.m
+        first, second = ti.static(ENDS[bar])
+        a, b = ti.static(first[1], second[1])
+        far = ti.static(self.state.offset[second[0]][axis])
+        near = ti.static(self.state.offset[first[0]][axis])
+        along = ti.static(float(BAR_VECTORS[bar][axis]))
+        if ti.static(_every(lane)):
+            return along + (far[k + b[0], j + b[1], m + b[2]] - near[k + a[0], j + a[1], m + a[2]])
+        else:
+            return along + (
+                far[k + b[0], j + b[1], m + b[2]][lane] - near[k + a[0], j + a[1], m + a[2]][lane]
+            )
+
+    @ti.func
+    def square_of_length_ratio(self, bar: ti.template(), at: ti.template(), lane: ti.template()):
+        """Square of a bar's length in the regular lattice over that in the perturbed one."""
+        x, y, z = [self.perturbed_vector(bar, axis, at, lane) for axis in ti.static(range(3))]
+        return ti.static(LENGTH_SQUARED[bar]) / ((x * x + y * y) + z * z)
+
+    @ti.func
+    def peak_strain(self, bar: ti.template(), at: ti.template(), lane, family):
+        """A bar's eps_p, given that of its family."""
+        own = family
+        if ti.static(self.state.features.strength):
+            own = family * self.state.strength[bar][at.k, at.j, at.m][lane]
+        return own
+
+    # -- strain ------------------------------------------------------------------------------------
+
+    @ti.func
+    def relative_displacement(
+        self,
+        bar: ti.template(),
+        axis: ti.template(),
+        at: ti.template(),
+        step: ti.template(),
+        lane: ti.template(),
+    ):
+        """Displacement of a bar's second node less that of its first, along an axis, m."""
+        now, k, j, m = step.now, at.k, at.j, at.m
+        first, second = ti.static(ENDS[bar])
+        a, b = ti.static(first[1], second[1])
+        far = ti.static(self.state.displacement[second[0]][axis])
+        near = ti.static(self.state.displacement[first[0]][axis])
+        if ti.static(_every(lane)):
+            return far[now, k + b[0], j + b[1], m + b[2]] - near[now, k + a[0], j + a[1], m + a[2]]
+        else:
+            return (
+                far[now, k + b[0], j + b[1], m + b[2]][lane]
+                - near[now, k + a[0], j + a[1], m + a[2]][lane]
+            )
+
+    @ti.func
+    def square_difference(
+        self,
+        bar: ti.template(),
+        axis: ti.template(),
+        at: ti.template(),
+        step: ti.template(),
+        lane: ti.template(),
+    ):
+        """(2 X + d) d: the square of a bar's component along an axis less that at rest, m2."""
+        d = self.relative_displacement(bar, axis, at, step, lane)
+        twice = ti.static(float(2 * BAR_VECTORS[bar][axis]))
+        result = d * d
+        if ti.static(self.state.features.perturbed):
+            result = (d + (2 * step.spacing) * self.perturbed_vector(bar, axis, at, lane)) * d
+        elif ti.static(twice != 0):
+            result = (d + twice * step.spacing) * d
+        return result
+
+    @ti.func
+    def twice_green_strain(
+        self, bar: ti.template(), at: ti.template(), step: ti.template(), lane: ti.template()
+    ):
+        """q = (l^2 - L0^2) / L0^2 = (2 X + d).d / L0^2 of a bar, in one lane or in ALL.
+
+        The engineering strain is q / (1 + sqrt(1 + q)): no cancellation at small strain, and exact
+        at any rotation.
+        """
+        x, y, z = ti.static(range(3))
+        square = (
+            self.square_difference(bar, x, at, step, lane)
+            + self.square_difference(bar, y, at, step, lane)
+        ) + self.square_difference(bar, z, at, step, lane)
+        result = square * (ti.static(INVERSE_LENGTH_SQUARED[bar]) / (step.spacing * step.spacing))
+        if ti.static(self.state.features.perturbed):
+            result *= self.square_of_length_ratio(bar, at, lane)
+        return result
+
+    @ti.func
+    def strain(self, q):
+        """Engineering strain l / L0 - 1 from q, twice the Green strain."""
+        return q / (1 + ti.sqrt(ti.max(1 + q, TINY)))
+
+    # -- the softening law -------------------------------------------------------------------------
+
+    @ti.func
+    def failure(self, bar: ti.template()):
+        """Peak strain over eps_p at which a bar fails."""
+        return self.state.softening[ti.static(FAMILY[bar])][0]
+
+    @ti.func
+    def integrity(self, bar: ti.template(), strain, peak):
+        """Share of its stiffness that a bar has at a strain, given its peak strain over eps_p."""
+        family = ti.static(FAMILY[bar])
+        failure, parameter = self.state.softening[family][0], self.state.softening[family][1]
+        share = 1.0
+        if peak >= failure:
+            share = 0.0
+        elif peak > 1 and strain > 0:
+            share = self.state.law.softening(peak, failure, parameter) / peak
+        return share
+
+    @ti.func
+    def dissipated(self, bar: ti.template(), peak):
+        """Energy that a bar has dissipated at a peak strain, in units of EA eps_p^2 L0."""
+        family = ti.static(FAMILY[bar])
+        failure, parameter = self.state.softening[family][0], self.state.softening[family][1]
+        energy = 0.0
+        if peak >= failure:
+            energy = 0.5
+            if failure > 1:
+                energy += self.state.law.area(failure, failure, parameter)
+        elif peak > 1:
+            force = self.state.law.softening(peak, failure, parameter)
+            energy = 0.5 + self.state.law.area(peak, failure, parameter) - 0.5 * force * peak
+        return energy
+
+    @ti.func
+    def is_removed(self, bar: ti.template(), at: ti.template(), lane):
+        """Whether a notch has removed a bar."""
+        return (self.state.removed[at.k, at.j, at.m][lane] >> bar) & 1 != 0
+
+    # -- damage ------------------------------------------------------------------------------------
+
+    @ti.func
+    def apply_damage(self, lanes, at: ti.template(), step: ti.template()):
+        """Update the history of the chosen lanes' bars and reduce their stored forces.
+
+        Args:
+            lanes: a bit for each lane.
+        """
+        for lane in range(self.state.lanes.width):
+            if (lanes >> lane) & 1:
+                for bar in ti.static(range(BARS_PER_SITE)):
+                    whole = self.state.axial[bar][at.strip, at.row, at.k, at.m][lane]
+                    if self.may_soften(bar, whole, at, step, lane):
+                        strain = self.strain(self.twice_green_strain(bar, at, step, lane))
+                        share = self.updated_integrity(bar, strain, at, step, lane)
+                        self.state.axial[bar][at.strip, at.row, at.k, at.m][lane] = share * whole
+
+    @ti.func
+    def may_soften(self, bar: ti.template(), force, at: ti.template(), step: ti.template(), lane):
+        """Whether a bar is removed, has passed its eps_p, or is CLOSE to it by its force."""
+        found = False
+        if ti.static(self.state.features.damage):
+            own = self.peak_strain(bar, at, lane, step.peak_strain)
+            most = CLOSE / (1 + 1 / own) * self.stiffness(bar, at, lane)
+            found |= force > most or self.state.peak[bar][at.k, at.j, at.m][lane] > 1
+        if ti.static(self.state.features.notch):
+            found |= self.is_removed(bar, at, lane)
+        return found
+
+    @ti.func
+    def updated_integrity(
+        self, bar: ti.template(), strain, at: ti.template(), step: ti.template(), lane
+    ):
+        """Share of its elastic force that a bar carries, after its history has been updated."""
+        k, j, m = at.k, at.j, at.m
+        share = 1.0
+        if ti.static(self.state.features.notch):
+            if self.is_removed(bar, at, lane):
+                share = 0.0
+        if ti.static(self.state.features.damage):
+            if share > 0:
+                peak = self.state.peak[bar][k, j, m][lane]
+                own = self.peak_strain(bar, at, lane, step.peak_strain)
+                if strain > peak * own:
+                    peak = strain / own
+                    self.state.peak[bar][k, j, m][lane] = peak
+                if peak > 1:
+                    # no atomic: a thread that evaluates the same column writes the same
+                    bits = int(self.state.touched[k, j, m]) | 1 << lane
+                    self.state.touched[k, j, m] = ti.cast(bits, ti.u8)
+                share = self.integrity(bar, strain, peak)
+        return share
+
+    # -- the pass ----------------------------------------------------------------------------------
+
+    @ti.func
+    def column_forces(self, at: ti.template(), step: ti.template()):
+        """Store the axial force over current length of the fourteen bars of a column's sites.
+
+        With r = l / L0 = sqrt(1 + q), EA/L0 (r - 1) / r = EA/L0 q / (r^2 + r).
+        """
+        k, j, m = at.k, at.j, at.m
+        force = ti.Matrix.zero(float, BARS_PER_SITE, self.state.lanes.width)
+        # how far the forces are above that of a bar close to eps_p
+        excess = ti.Vector.zero(float, self.state.lanes.width)
+        least = step.peak_strain
+        if ti.static(self.state.features.strength):
+            least = step.peak_strain * self.state.weakest[k, j, m]
+        allowed = CLOSE / (1 + 1 / least)
+        for bar in ti.static(range(BARS_PER_SITE)):
+            whole = self.stiffness_of_lanes(bar, at)
+            q = self.twice_green_strain(bar, at, step, ALL)
+            square = ti.max(1 + q, TINY)
+            pull = (whole * q) / (square + ti.sqrt(square))
+            for lane in ti.static(range(self.state.lanes.width)):
+                force[bar, lane] = pull[lane]
+            if ti.static(self.state.features.damage):
+                excess = ti.max(excess, pull - whole * allowed)
+        # all arithmetic before the first store: after it the compiler reloads every address
+        for bar in ti.static(range(BARS_PER_SITE)):
+            for lane in ti.static(range(self.state.lanes.width)):
+                self.state.axial[bar][at.strip, at.row, k, m][lane] = force[bar, lane]
+        if ti.static(self.state.features.history):
+            inelastic = self.state.touched[k, j, m] != 0
+            for lane in ti.static(range(self.state.lanes.width)):
+                inelastic |= excess[lane] > 0
+            if inelastic:
+                lanes = int(self.state.touched[k, j, m])
+                for lane in ti.static(range(self.state.lanes.width)):
+                    lanes |= int(excess[lane] > 0) << lane
+                self.apply_damage(lanes, at, step)

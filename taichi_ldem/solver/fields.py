@@ -1,0 +1,354 @@
+"""The state of the lattice: one table of features and one of fields, both free of Taichi.
+
+A feature is what a scene may name beyond elasticity. A field is present where its features are.
+Everything else that depends on which fields there are follows from the two tables: allocation and
+checkpoints (``state``), the bytes that a scene needs (``memory``), and the report of what a scene
+leaves out (``scenarios.leave_out``). A new field is a row of ``FIELDS``, a new feature is an
+attribute of ``Features``.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from taichi_ldem.model.disorder import varies
+from taichi_ldem.model.lattice import BARS_PER_SITE
+from taichi_ldem.scene import DISORDERED, Scene
+from taichi_ldem.solver.lanes import Lanes
+
+# -- features --------------------------------------------------------------------------------------
+
+
+def _feature(
+    what: str, absent_where: str, of: Callable[[Scene], Any], on: Callable[[Scene], dict[str, Any]]
+) -> Any:
+    """An attribute of ``Features``.
+
+    Args:
+        what: the scene leaves out without the feature.
+        absent_where: the keys of a scene without it.
+        of: the attribute's value for a scene.
+        on: tables that switch the feature on in a scene.
+    """
+    about = {"left_out": f"{what} ({absent_where})", "of": of, "on": on}
+    return dataclasses.field(default=False, metadata=about)
+
+
+def _corner_notch(scene: Scene) -> dict[str, Any]:
+    """A notch that cuts a corner off the plate."""
+    x, y, _ = scene.plate.actual_size
+    middle = 0.5 * scene.plate.size[2]
+    notch = {"normal": "z", "position": middle, "from": [-x, -y], "to": [-0.49 * x, -0.49 * y]}
+    return {"notch": [notch]}
+
+
+def _varying(scene: Scene) -> set[str]:
+    """Properties that differ from module to module."""
+    return {name for name in DISORDERED if varies(scene, name)}
+
+
+@dataclass(frozen=True)
+class Features:
+    """What a scene names beyond elasticity; the rest is neither allocated nor compiled.
+
+    Attributes:
+        law: name of the softening law, or None for an elastic lattice.
+        damping: whether there is mass-proportional damping.
+        notch: whether bars are removed from the start.
+        strength: whether every bar has an eps_p of its own.
+        modulus: whether every bar has a Young's modulus of its own.
+        perturbed: whether nodes lie off the regular lattice, so that every bar has a vector of its
+            own.
+        density: whether every node has a mass of its own.
+    """
+
+    law: str | None = dataclasses.field(
+        default=None,
+        metadata={
+            "left_out": "bar history and broken-bar record (material.damage = false)",
+            "of": lambda scene: scene.material.law if scene.material.damage else None,
+            "on": lambda _: {
+                "material": {"failure_strain": 0.0175, "limit_strain": 0.035, "damage": True}
+            },
+        },
+    )
+    damping: bool = _feature(
+        "damping",
+        "solver.damping = 0",
+        lambda scene: scene.solver.damping > 0,
+        lambda _: {"solver": {"damping": 1.0}},
+    )
+    notch: bool = _feature(
+        "removed bars", "no [[notch]]", lambda scene: bool(scene.notch), _corner_notch
+    )
+    strength: bool = _feature(
+        "strength of every bar",
+        "no disorder of fracture_energy or youngs_modulus, or no damage",
+        lambda scene: scene.material.damage and bool(_varying(scene) - {"density"}),
+        lambda _: {"disorder": {"fracture_energy_cv": 0.1, "seed": 1}},
+    )
+    modulus: bool = _feature(
+        "modulus of every bar",
+        "no disorder.youngs_modulus_cv",
+        lambda scene: "youngs_modulus" in _varying(scene),
+        lambda _: {"disorder": {"youngs_modulus_cv": 0.1, "seed": 1}},
+    )
+    perturbed: bool = _feature(
+        "offset of every node",
+        "plate.perturbation = 0",
+        lambda scene: scene.plate.perturbation > 0,
+        lambda _: {"plate": {"perturbation": 0.05}},
+    )
+    density: bool = _feature(
+        "mass of every node",
+        "no disorder.density_cv",
+        lambda scene: "density" in _varying(scene),
+        lambda _: {"disorder": {"density_cv": 0.1, "seed": 1}},
+    )
+
+    @classmethod
+    def of(cls, scene: Scene) -> "Features":
+        """The features that a scene names."""
+        return cls(**{f.name: f.metadata["of"](scene) for f in dataclasses.fields(cls)})
+
+    @property
+    def damage(self) -> bool:
+        """Whether bars have a history at all."""
+        return self.law is not None
+
+    @property
+    def history(self) -> bool:
+        """Whether a bar may carry less than its elastic force."""
+        return self.damage or self.notch
+
+    def left_out(self) -> list[str]:
+        """A line for each feature that is absent, with the keys of the scene that say so."""
+        absent = (f for f in dataclasses.fields(self) if not getattr(self, f.name))
+        return [f.metadata["left_out"] for f in absent]
+
+
+def tables_of_all_features(scene: Scene) -> Iterator[dict[str, Any]]:
+    """For each feature, the tables that switch it on in a scene."""
+    for feature in dataclasses.fields(Features):
+        yield feature.metadata["on"](scene)
+
+
+# -- layout ----------------------------------------------------------------------------------------
+
+RING = 4
+"""Rows of bar scalars that a strip keeps: the three that a row of nodes gathers from, and a spare
+one that makes the place of a row a bit mask."""
+
+STRIPS_PER_THREAD = 2
+ROWS_PER_STRIP = 4
+"""Fewest rows of a strip: two more are evaluated by both neighbours."""
+
+PIECE = 16
+"""Columns of a row that one thread of a GPU sums up."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How the sites of a lattice lie in memory and how the step divides them among threads.
+
+    Attributes:
+        sites: (nz + 3, ny + 3, nx + 3), ghosts included.
+        real_bytes: of one floating-point number.
+        in_strips: whether each thread takes a strip of rows through both passes (CPU); otherwise
+            each pass is a launch over all columns (GPU).
+        strips: number of strips; 1 where the step is not driven in strips.
+        lanes: how a row is cut into columns of several sites.
+    """
+
+    sites: tuple[int, int, int]
+    real_bytes: int
+    in_strips: bool
+    strips: int
+    lanes: Lanes
+
+    @classmethod
+    def fitting(
+        cls, sites: tuple[int, int, int], real_bytes: int, in_strips: bool, threads: int
+    ) -> "Layout":
+        """The layout that suits so many threads."""
+        _, ny, nx = sites
+        if not in_strips:
+            return cls(sites, real_bytes, False, 1, Lanes(nx))
+        strips = max(1, min(STRIPS_PER_THREAD * threads, (ny - 2) // ROWS_PER_STRIP))
+        return cls(sites, real_bytes, True, strips, Lanes.fitting(nx, real_bytes))
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Shape of a field of columns: (nz + 3, ny + 3, columns)."""
+        return *self.sites[:2], self.lanes.columns
+
+    @property
+    def bar_rows(self) -> int:
+        """Rows of bar scalars: a ring for each strip and one of zeros, or all rows."""
+        return RING + 1 if self.in_strips else self.sites[1]
+
+    @property
+    def piece(self) -> int:
+        """Columns whose energies one thread sums up: a row, or a part of it on a GPU."""
+        return self.lanes.length if self.in_strips else PIECE
+
+    @property
+    def pieces(self) -> int:
+        """Pieces of a row."""
+        return -(-self.lanes.length // self.piece)
+
+
+# -- fields ----------------------------------------------------------------------------------------
+
+REAL = "real"
+LANES = -1
+"""In place of a number of components: one for each lane."""
+
+MEMBERS: dict[str, tuple[int, ...]] = {
+    "": (),
+    "bar": (BARS_PER_SITE,),
+    "node": (2,),
+    "node axis": (2, 3),
+}
+"""Fields of a name: a single one, or one for each bar, sublattice, or axis of each sublattice."""
+
+BYTES = {"u8": 1, "u16": 2, "f64": 8}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One name of the state.
+
+    Attributes:
+        name: attribute of ``State``; the name in checkpoints where the field evolves.
+        meaning: what it holds.
+        unit: of its values; "" for bits and ratios.
+        shape: of each of its fields, for a layout.
+        members: a key of MEMBERS.
+        kind: type of its numbers: REAL (Taichi's default float), "u8", "u16" or "f64".
+        numbers: components of an element: LANES, a number, or 0 for a scalar.
+        present: whether the lattice has it.
+        evolves: whether it carries the state from one step to the next, so that a checkpoint must
+            hold it.
+    """
+
+    name: str
+    meaning: str
+    unit: str
+    shape: Callable[[Layout], tuple[int, ...]]
+    members: str = ""
+    kind: str = REAL
+    numbers: int = LANES
+    present: Callable[[Features, Layout], bool] = lambda *_: True
+    evolves: bool = False
+
+    @property
+    def of_sites(self) -> bool:
+        """Whether it has a value for every column of the lattice."""
+        return self.shape in (_columns, _buffers)
+
+    def bytes(self, layout: Layout) -> int:
+        """Bytes of all its fields."""
+        numbers = layout.lanes.width if self.numbers == LANES else max(1, self.numbers)
+        size = layout.real_bytes if self.kind == REAL else BYTES[self.kind]
+        return math.prod((*MEMBERS[self.members], *self.shape(layout), numbers, size))
+
+
+def _columns(layout: Layout) -> tuple[int, ...]:
+    return layout.shape
+
+
+def _buffers(layout: Layout) -> tuple[int, ...]:
+    return 2, *layout.shape
+
+
+def _bar_rows(layout: Layout) -> tuple[int, ...]:
+    nz, _, columns = layout.shape
+    return layout.strips, layout.bar_rows, nz, columns
+
+
+def _strip_rows(layout: Layout) -> tuple[int, ...]:
+    nz, _, columns = layout.shape
+    return layout.strips, nz, columns
+
+
+def _node_sums(layout: Layout) -> tuple[int, ...]:
+    nz, ny, _ = layout.sites
+    return (ny,) if layout.in_strips else (ny * nz * layout.pieces,)
+
+
+def _codes(_: Layout) -> tuple[int, ...]:
+    return (256,)
+
+
+def _families(_: Layout) -> tuple[int, ...]:
+    return (2,)
+
+
+def _damage(features: Features, _: Layout) -> bool:
+    return features.damage
+
+
+def _history(features: Features, _: Layout) -> bool:
+    return features.history
+
+
+def _named(name: str) -> Callable[[Features, Layout], bool]:
+    return lambda features, _: bool(getattr(features, name))
+
+
+def _in_strips(_: Features, layout: Layout) -> bool:
+    return layout.in_strips
+
+
+FIELDS = (
+    Row("displacement", "displacement of nodes, in two buffers", "m", _buffers, "node axis",
+        evolves=True),
+    Row("velocity", "velocity of nodes, half a step behind", "m/s", _columns, "node axis",
+        evolves=True),
+    Row("axial", "axial force of a bar over its current length", "N/m", _bar_rows, "bar"),
+    Row("code", "byte of the site (see lattice)", "", _columns, kind="u8"),
+    Row("velocity_before", "velocities of the row that a measured step updates, as they were before"
+        " it", "m/s", _strip_rows, "node axis", present=_in_strips),
+    Row("node_sums", "kinetic energy at t_n and energy lost by damping, of the last measured step; "
+        "a sum for each row j, or on a GPU for each piece of a row (j, k)", "J", _node_sums,
+        kind="f64", numbers=2),
+    Row("stiffness", "EA/L0 by site byte and kind of bar", "N/m", _codes, numbers=7),
+    Row("mass", "mass by site byte and sublattice", "kg", _codes, numbers=2),
+    Row("inverse_mass", "1/mass by site byte and sublattice", "1/kg", _codes, numbers=2),
+    Row("touched", "a bit for each lane where a bar has passed its eps_p or was removed: only there"
+        " is a bar more than elastic", "", _columns, kind="u8", numbers=0, present=_history),
+    Row("peak", "largest strain of a bar so far over its eps_p", "", _columns, "bar",
+        present=_damage, evolves=True),
+    Row("recorded", "a bit for each bar that was reported broken", "", _columns, kind="u16",
+        present=_damage, evolves=True),
+    Row("softening", "parameters of the law by bar family", "", _families, numbers=2,
+        present=_damage),
+    Row("removed", "a bit for each bar that a notch removes", "", _columns, kind="u16",
+        present=_named("notch")),
+    Row("damped", "energy that a node has lost by damping", "J", _columns, "node",
+        present=_named("damping"), evolves=True),
+    Row("strength", "eps_p of a bar over its family's", "", _columns, "bar",
+        present=_named("strength")),
+    Row("weakest", "least strength in a column: a cheap test that spares most lanes a look at every"
+        " bar's", "", _columns, numbers=0, present=_named("strength")),
+    Row("modulus", "Young's modulus of a bar over the mean", "", _columns, "bar",
+        present=_named("modulus")),
+    Row("own_mass", "mass of a node", "kg", _columns, "node", present=_named("density")),
+    Row("own_inverse_mass", "1/mass of a node", "1/kg", _columns, "node",
+        present=_named("density")),
+    Row("offset", "distance of a node from its place in the regular lattice, in module edges", "",
+        _columns, "node axis", present=_named("perturbed")),
+)  # fmt: skip
+"""Every field of the lattice, in the order of allocation.
+
+What evolves is all that a step starts from: bar forces and the other buffer of displacements are
+overwritten in every step, and ``touched`` follows from the peak strains.
+"""
+
+
+def rows(features: Features, layout: Layout) -> list[Row]:
+    """The rows of FIELDS that a lattice has."""
+    return [row for row in FIELDS if row.present(features, layout)]

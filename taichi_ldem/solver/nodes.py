@@ -1,0 +1,284 @@
+"""Pass 2 of the step: bar forces gathered at the nodes and integrated in time (Eq. (3)).
+
+Central differences: velocities live half a step behind displacements. The new displacement goes
+into the other of two buffers, so no node sees a neighbour that has already been updated. Both
+passes are gathers: nothing is summed atomically, and results do not depend on the number of
+threads.
+
+``at`` and ``step`` are the structs of ``bars``. ``rows`` holds the rows of ``State.axial`` for the
+sites at j - 1, j and j + 1.
+"""
+
+import taichi as ti
+
+from taichi_ldem.model.topology import CENTRE, CORNER, LEVERS, NEIGHBOURS, NODE_AXES, SCALARS
+from taichi_ldem.solver.lanes import HALO
+from taichi_ldem.solver.state import State
+
+
+@ti.data_oriented
+class NodeUpdate:
+    """Forces on nodes, their integration, and the energies that go with it."""
+
+    def __init__(self, state: State):
+        self.state = state
+
+    @ti.func
+    def displacement_from_grid(
+        self,
+        s: ti.template(),
+        axis: ti.template(),
+        at: ti.template(),
+        offset: ti.template(),
+        step: ti.template(),
+    ):
+        """Displacement of nodes from their places in the regular lattice, m.
+
+        Args:
+            offset: (dz, dy, dx) of the nodes' column from ``at``.
+        """
+        k, j, m = at.k + offset[0], at.j + offset[1], at.m + offset[2]
+        u = self.state.displacement[s][axis][step.now, k, j, m]
+        if ti.static(self.state.features.perturbed):
+            u += step.spacing * self.state.offset[s][axis][k, j, m]
+        return u
+
+    @ti.func
+    def force(
+        self, s: ti.template(), axis: ti.template(), rows, at: ti.template(), step: ti.template()
+    ):
+        """Sum of the bar forces on a column's corner or centre nodes along an axis, N.
+
+        A bar with scalar a to the node that was X away pulls with a (X + u' - u). The sums of
+        a u', of a, and of the lever arms a X are taken apart, each in pairs.
+        """
+        a = [
+            self.state.axial[bar][at.strip, rows[home[1] + 1], at.k + home[0], at.m + home[2]]
+            for bar, home in ti.static(SCALARS[s])
+        ]
+        u = [
+            self.displacement_from_grid(other, axis, at, there, step)
+            for other, there in ti.static(NEIGHBOURS[s])
+        ]
+        pulls = ((a[0] * u[0] + a[1] * u[1]) + (a[2] * u[2] + a[3] * u[3])) + (
+            (a[4] * u[4] + a[5] * u[5]) + (a[6] * u[6] + a[7] * u[7])
+        )
+        pulls += ((a[8] * u[8] + a[9] * u[9]) + (a[10] * u[10] + a[11] * u[11])) + (
+            a[12] * u[12] + a[13] * u[13]
+        )
+        total = ((a[0] + a[1]) + (a[2] + a[3])) + ((a[4] + a[5]) + (a[6] + a[7]))
+        total += ((a[8] + a[9]) + (a[10] + a[11])) + (a[12] + a[13])
+        p, q = ti.static(LEVERS[axis])
+        lever = ((a[p[0]] - a[q[0]]) + (a[p[1]] - a[q[1]])) + (
+            (a[p[2]] - a[q[2]]) + (a[p[3]] - a[q[3]])
+        )
+        edges = a[ti.static(2 * axis)] - a[ti.static(2 * axis + 1)]
+        here = self.displacement_from_grid(s, axis, at, (0, 0, 0), step)
+        return pulls + (step.spacing * (edges + ti.static(s - 0.5) * lever) - total * here)
+
+    @ti.func
+    def free_velocity(
+        self, s: ti.template(), axis: ti.template(), rows, at: ti.template(), step: ti.template()
+    ):
+        """Velocity along an axis after the time ``step.kick`` without any rigid body, m/s."""
+        inverse_mass = self.state.lane_inverse_masses(s, at.k, at.j, at.m)
+        force = self.force(s, axis, rows, at, step)
+        before = self.state.velocity[s][axis][at.k, at.j, at.m]
+        after = before + (step.kick * inverse_mass) * force
+        if ti.static(self.state.features.damping):
+            # C = alpha M at the mean of the two velocities: implicit, but diagonal
+            half = 0.5 * step.damping * step.kick
+            after = (after - half * before) / (1 + half)
+        return after
+
+    @ti.func
+    def update_column(self, rows, at: ti.template(), step: ti.template(), measure: ti.template()):
+        """Pass 2 for a column.
+
+        Returns:
+            with ``measure``, its kinetic energy and energy lost by damping at t_n, J.
+        """
+        k, j, m = at.k, at.j, at.m
+        sums = ti.Vector.zero(ti.f64, 2)
+        for s in ti.static((CORNER, CENTRE)):
+            for axis in ti.static(range(3)):
+                after = self.free_velocity(s, axis, rows, at, step)
+                if ti.static(measure or self.state.features.damping):
+                    before = self.state.velocity[s][axis][k, j, m]
+                    if ti.static(self.state.features.damping):
+                        loss = self.damping_loss(s, at, before, after, step)
+                        self.state.damped[s][k, j, m] = self.state.damped[s][k, j, m] + loss
+                    if ti.static(measure):
+                        sums += self.energies_between(s, at, before, after, step)
+                self.state.velocity[s][axis][k, j, m] = after
+                self.state.displacement[s][axis][1 - step.now, k, j, m] = (
+                    self.state.displacement[s][axis][step.now, k, j, m] + step.drift * after
+                )
+            if ti.static(measure):
+                sums += self.damping_loss_so_far(s, at)
+        self.repeat_halo(1 - step.now, k, j, m)
+        return sums
+
+    @ti.func
+    def store_velocities(self, strip, k, j, m):
+        """Keep a column's velocities for ``column_energies``."""
+        for s, axis in ti.static(NODE_AXES):
+            self.state.velocity_before[s][axis][strip, k, m] = self.state.velocity[s][axis][k, j, m]
+
+    @ti.func
+    def column_energies(self, at: ti.template(), step: ti.template()):
+        """Kinetic energy and energy lost by damping of a column that was just updated, at t_n, J.
+
+        The velocities before the update are those of ``store_velocities``.
+        """
+        k, j, m = at.k, at.j, at.m
+        sums = ti.Vector.zero(ti.f64, 2)
+        for s in ti.static((CORNER, CENTRE)):
+            for axis in ti.static(range(3)):
+                before = self.state.velocity_before[s][axis][at.strip, k, m]
+                after = self.state.velocity[s][axis][k, j, m]
+                sums += self.energies_between(s, at, before, after, step)
+            sums += self.damping_loss_so_far(s, at)
+        return sums
+
+    @ti.func
+    def damping_loss(self, s: ti.template(), at: ti.template(), before, after, step: ti.template()):
+        """Energy that a column's nodes lose by damping along an axis in a step, J."""
+        mean = 0.5 * (before + after)
+        mass = self.state.lane_masses(s, at.k, at.j, at.m)
+        return (step.damping * step.kick) * mass * mean * mean
+
+    @ti.func
+    def energies_between(
+        self, s: ti.template(), at: ti.template(), before, after, step: ti.template()
+    ):
+        """A column's energies along an axis at t_n, from the velocities before and after it, J.
+
+        Returns:
+            its kinetic energy; less than zero, the part of this step's loss by damping that belongs
+            after t_n.
+        """
+        mass = self.state.lane_masses(s, at.k, at.j, at.m)
+        sums = ti.Vector.zero(ti.f64, 2)
+        for lane in ti.static(range(self.state.lanes.width)):
+            sums[0] += 0.5 * mass[lane] * before[lane] * after[lane]
+        if ti.static(self.state.features.damping):
+            mean = 0.5 * (before + after)
+            loss = self.damping_loss(s, at, before, after, step)
+            half = (0.5 * step.damping * step.kick) * mass * mean * before - loss
+            for lane in ti.static(range(self.state.lanes.width)):
+                sums[1] += half[lane]
+        return sums
+
+    @ti.func
+    def damping_loss_so_far(self, s: ti.template(), at: ti.template()):
+        """Energy lost by damping in a column, this step's included, as the second sum, J."""
+        sums = ti.Vector.zero(ti.f64, 2)
+        if ti.static(self.state.features.damping):
+            for lane in ti.static(range(self.state.lanes.width)):
+                sums[1] += ti.cast(self.state.damped[s][at.k, at.j, at.m][lane], ti.f64)
+        return sums
+
+    @ti.func
+    def repeat_halo(self, buffer, k, j, m):
+        """Copy a column's displacement to the columns that repeat it for another lane."""
+        length, width = ti.static(self.state.lanes.length, self.state.lanes.width)
+        if m < 2 * HALO:
+            for s, axis in ti.static(NODE_AXES):
+                u = ti.static(self.state.displacement[s][axis])
+                for lane in ti.static(range(1, width)):
+                    u[buffer, k, j, m + length][lane - 1] = u[buffer, k, j, m][lane]
+        if m >= length:
+            for s, axis in ti.static(NODE_AXES):
+                u = ti.static(self.state.displacement[s][axis])
+                for lane in ti.static(range(width - 1)):
+                    u[buffer, k, j, m - length][lane + 1] = u[buffer, k, j, m][lane]
+
+
+@ti.data_oriented
+class NodeAccess:
+    """Single nodes, named by sublattice and site (s, k, j, i), for kernels of rigid bodies."""
+
+    def __init__(self, state: State):
+        self.state = state
+
+    @ti.func
+    def column_of(self, i):
+        """Column that owns site i of a row, and its lane there."""
+        lane = (i - 1) // self.state.lanes.length
+        return i - 1 - lane * self.state.lanes.length + HALO, lane
+
+    @ti.func
+    def site_of(self, m, lane):
+        """Site at a place of a row (ghosts beyond either end are clipped)."""
+        site = 1 + lane * self.state.lanes.length + m - HALO
+        return ti.max(0, ti.min(site, ti.static(self.state.sites[2] - 1)))
+
+    @ti.func
+    def mass(self, s, k, j, i):
+        """Mass of a node, kg; 0 where there is none."""
+        m, lane = self.column_of(i)
+        mass = self.state.mass[int(self.state.code[k, j, m][lane])]
+        if ti.static(self.state.features.density):
+            for sublattice in ti.static((CORNER, CENTRE)):
+                mass[sublattice] = self.state.own_mass[sublattice][k, j, m][lane]
+        chosen = mass[CORNER]
+        if s == CENTRE:
+            chosen = mass[CENTRE]
+        return chosen
+
+    @ti.func
+    def displacement(self, now, s, k, j, i):
+        """Displacement of a node, m."""
+        m, lane = self.column_of(i)
+        u = ti.Vector.zero(float, 3)
+        for sublattice, axis in ti.static(NODE_AXES):
+            if s == sublattice:
+                u[axis] = self.state.displacement[sublattice][axis][now, k, j, m][lane]
+        return u
+
+    @ti.func
+    def offset(self, s, k, j, i, spacing):
+        """Distance of a node from its place in the regular lattice, m, in f64."""
+        m, lane = self.column_of(i)
+        offset = ti.Vector.zero(ti.f64, 3)
+        if ti.static(self.state.features.perturbed):
+            for sublattice, axis in ti.static(NODE_AXES):
+                if s == sublattice:
+                    own = self.state.offset[sublattice][axis][k, j, m][lane]
+                    offset[axis] = ti.cast(own, ti.f64)
+        return ti.cast(spacing, ti.f64) * offset
+
+    @ti.func
+    def velocity(self, s, k, j, i):
+        """Velocity of a node, m/s."""
+        m, lane = self.column_of(i)
+        v = ti.Vector.zero(float, 3)
+        for sublattice, axis in ti.static(NODE_AXES):
+            if s == sublattice:
+                v[axis] = self.state.velocity[sublattice][axis][k, j, m][lane]
+        return v
+
+    @ti.func
+    def put(self, now, s, k, j, i, displacement, velocity):
+        """Set a node's displacement (m) and velocity (m/s)."""
+        m, lane = self.column_of(i)
+        length, width = ti.static(self.state.lanes.length, self.state.lanes.width)
+        for sublattice, axis in ti.static(NODE_AXES):
+            if s == sublattice:
+                self.state.velocity[sublattice][axis][k, j, m][lane] = velocity[axis]
+                u = ti.static(self.state.displacement[sublattice][axis])
+                u[now, k, j, m][lane] = displacement[axis]
+                if m < 2 * HALO and lane > 0:
+                    u[now, k, j, m + length][lane - 1] = displacement[axis]
+                if m >= length and lane < width - 1:
+                    u[now, k, j, m - length][lane + 1] = displacement[axis]
+
+    @ti.func
+    def add_damping_loss(self, s, k, j, i, energy):
+        """Add to the energy that a node has lost by damping, J."""
+        m, lane = self.column_of(i)
+        for sublattice in ti.static((CORNER, CENTRE)):
+            if s == sublattice:
+                loss = self.state.damped[sublattice][k, j, m][lane] + energy
+                self.state.damped[sublattice][k, j, m][lane] = loss

@@ -1,0 +1,314 @@
+"""The fields of a lattice in Taichi: allocation, filling with a material, saving and restoring.
+
+Every field of sites has the shape S = (nz + 3, ny + 3, columns) and elements of one number a lane
+(``lanes``). A name that has a field for each sublattice, axis or bar is a list of fields. The
+table in ``fields`` lists all of them.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import taichi as ti
+
+from taichi_ldem.model.lattice import LONGITUDINAL, Lattice, bar_weights, node_masses
+from taichi_ldem.model.material import Bars
+from taichi_ldem.model.topology import NODE_AXES
+from taichi_ldem.solver.fields import FIELDS, LANES, MEMBERS, REAL, Features, Layout, Row, rows
+from taichi_ldem.solver.laws import law_named
+
+EVOLVING = tuple(row.name for row in FIELDS if row.evolves and row.name != "displacement")
+"""Fields that a checkpoint holds whole; of the displacement it holds one buffer."""
+
+
+def field_apart(kind: Any, shape: tuple[int, ...] | int, numbers: int = 0) -> ti.Field:
+    """A field whose numbers are not of Taichi's default width.
+
+    On SPIR-V backends it gets a tree of its own: in a tree that it shared with other widths, it
+    would be read and written in words that overlap its neighbours. LLVM's backends align it, and
+    hold no more than 512 trees in a process.
+
+    Args:
+        kind: type of the numbers.
+        numbers: components of an element; 0 for a scalar.
+    """
+    vector = (
+        (lambda **where: ti.Vector.field(numbers, kind, **where))
+        if numbers
+        else (lambda **where: ti.field(kind, **where))
+    )
+    if ti.lang.impl.current_cfg().arch in (ti.x64, ti.arm64, ti.cuda):
+        return vector(shape=shape)
+    field, sizes = vector(), (shape,) if isinstance(shape, int) else shape
+    tree = ti.FieldsBuilder()
+    tree.dense(getattr(ti, "ijkl"[: len(sizes)]), sizes).place(field)
+    tree.finalize()
+    return field
+
+
+def field_bytes(field: ti.Field) -> int:
+    """Bytes that a dense field holds."""
+    size = np.dtype(ti.lang.util.to_numpy_type(field.dtype)).itemsize
+    return int(np.prod(field.shape)) * getattr(field, "n", 1) * size
+
+
+def numpy_float() -> type[np.floating]:
+    """NumPy's name for Taichi's default float."""
+    f64 = ti.lang.impl.get_runtime().default_fp == ti.f64
+    return np.float64 if f64 else np.float32
+
+
+def _allocate(row: Row, layout: Layout) -> Any:
+    """The field of a row, or nested lists of its fields."""
+    shape = row.shape(layout)
+    numbers = layout.lanes.width if row.numbers == LANES else row.numbers
+
+    def one() -> ti.Field:
+        if row.kind != REAL:
+            return field_apart(getattr(ti, row.kind), shape, numbers)
+        if numbers:
+            return ti.Vector.field(numbers, float, shape=shape)
+        return ti.field(float, shape=shape)
+
+    def nested(counts: tuple[int, ...]) -> Any:
+        return [nested(counts[1:]) for _ in range(counts[0])] if counts else one()
+
+    return nested(MEMBERS[row.members])
+
+
+def _lane_bits(lanes: npt.NDArray[np.bool_]) -> npt.NDArray[np.uint8]:
+    """(...,) a bit for each of (..., width) lanes."""
+    bits = np.uint8(1) << np.arange(lanes.shape[-1], dtype=np.uint8)
+    return np.asarray((lanes * bits).sum(axis=-1, dtype=np.uint8))
+
+
+@ti.data_oriented
+class State:
+    """All fields of a lattice.
+
+    Attributes:
+        lattice, features, layout: what the fields were built for.
+        sites, lanes, shape, in_strips: those of the layout.
+        on_cpu: whether Taichi runs on the CPU.
+        law: the softening law; None without damage.
+        peak_strain: eps_p of the bar families.
+
+    Each row of ``fields.FIELDS`` whose features the lattice has is an attribute, too.
+    """
+
+    displacement: list[list[ti.MatrixField]]
+    velocity: list[list[ti.MatrixField]]
+    axial: list[ti.MatrixField]
+    code: ti.MatrixField
+    velocity_before: list[list[ti.MatrixField]]
+    node_sums: ti.MatrixField
+    stiffness: ti.MatrixField
+    mass: ti.MatrixField
+    inverse_mass: ti.MatrixField
+    touched: ti.ScalarField
+    peak: list[ti.MatrixField]
+    recorded: ti.MatrixField
+    softening: ti.MatrixField
+    removed: ti.MatrixField
+    damped: list[ti.MatrixField]
+    strength: list[ti.MatrixField]
+    weakest: ti.ScalarField
+    modulus: list[ti.MatrixField]
+    own_mass: list[ti.MatrixField]
+    own_inverse_mass: list[ti.MatrixField]
+    offset: list[list[ti.MatrixField]]
+
+    def __init__(self, lattice: Lattice, features: Features, in_strips: bool | None = None):
+        """``in_strips``: how the passes are driven, if not as suits the backend (tests)."""
+        self.lattice, self.features = lattice, features
+        config = ti.lang.impl.current_cfg()
+        self.on_cpu = config.arch in (ti.x64, ti.arm64)
+        self.layout = Layout.fitting(
+            lattice.sites,
+            np.dtype(numpy_float()).itemsize,
+            self.on_cpu if in_strips is None else in_strips,
+            config.cpu_max_num_threads,
+        )
+        self.sites, self.lanes, self.shape = self.layout.sites, self.layout.lanes, self.layout.shape
+        self.in_strips = self.layout.in_strips
+        self.law: Any = None if features.law is None else law_named(features.law)
+        self.peak_strain = np.inf
+        for row in rows(features, self.layout):
+            setattr(self, row.name, _allocate(row, self.layout))
+        self.set_lattice(lattice)
+
+    def fields(self) -> dict[str, list[ti.Field]]:
+        """All fields by name; several where a name has one for each sublattice, axis or bar."""
+        return {
+            row.name: list(np.array(getattr(self, row.name), dtype=object).ravel())
+            for row in rows(self.features, self.layout)
+        }
+
+    @property
+    def spacing(self) -> float:
+        """Module edge as kernels have it, rounded to Taichi's float, m.
+
+        What touches the lattice must start from it: a ring at the exact height of a plate whose
+        nodes are single precision's higher would push them on the first step.
+        """
+        return float(numpy_float()(self.lattice.spacing))
+
+    numpy_float = staticmethod(numpy_float)
+
+    # -- material ----------------------------------------------------------------------------------
+
+    def _fill(self, field: ti.Field, values: npt.NDArray[np.float64]) -> None:
+        """Fill a field of sites from values in the shape of the sites."""
+        field.from_numpy(self.lanes.spread(values).astype(numpy_float()))
+
+    def _fill_bars(self, bars: list[ti.MatrixField], values: npt.NDArray[np.float64]) -> None:
+        """Fill the fields of the fourteen bars from (nz + 3, ny + 3, nx + 3, 14) values."""
+        for bar, field in enumerate(bars):
+            self._fill(field, np.ascontiguousarray(values[..., bar]))
+
+    def set_lattice(self, lattice: Lattice) -> None:
+        """Take another body that was cut from a prism of the same modules."""
+        self.lattice = lattice
+        self.code.from_numpy(self.lanes.spread(lattice.code))
+        if self.features.perturbed:
+            assert lattice.offsets is not None
+            for s, axis in NODE_AXES:
+                self._fill(self.offset[s][axis], lattice.offsets[s, ..., axis] / lattice.spacing)
+
+    def set_bars(self, bars: Bars) -> None:
+        """Fill the tables of stiffness EA/L per site byte (N/m) and of the law's parameters."""
+        stiff = bar_weights(self.lattice.surface_weights)[:, :7]
+        stiff[:, LONGITUDINAL] *= bars.longitudinal.axial_stiffness / bars.longitudinal.length
+        stiff[:, 6] *= bars.diagonal.axial_stiffness / bars.diagonal.length
+        self.stiffness.from_numpy(stiff.astype(numpy_float()))
+        self.peak_strain = bars.longitudinal.peak_strain
+        if self.law is not None:
+            table = [self.law.parameters(f.ductility) for f in (bars.longitudinal, bars.diagonal)]
+            self.softening.from_numpy(np.array(table, dtype=numpy_float()))
+
+    def set_density(self, density: float) -> None:
+        """Fill the tables of node masses per site byte, kg, from a density in kg/m3."""
+        mass = node_masses() * density * self.lattice.spacing**3
+        inverse = np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0)
+        self.mass.from_numpy(mass.astype(numpy_float()))
+        self.inverse_mass.from_numpy(inverse.astype(numpy_float()))
+
+    def set_strength(self, strength: npt.NDArray[np.float64]) -> None:
+        """Give every bar its eps_p over its family's: (nz + 3, ny + 3, nx + 3, 14)."""
+        exists = bar_weights(False)[self.lattice.code] > 0
+        self._fill_bars(self.strength, strength)
+        stored = self.lanes.spread(np.moveaxis(np.where(exists, strength, np.inf), -1, 0))
+        weakest = stored.min(axis=(0, -1))
+        weakest[np.isinf(weakest)] = 1.0
+        # a hair below: the test compares forces, the history strains
+        self.weakest.from_numpy((weakest * (1 - 1e-6)).astype(numpy_float()))
+
+    def set_modulus(self, modulus: npt.NDArray[np.float64]) -> None:
+        """Give every bar its modulus over the mean: (nz + 3, ny + 3, nx + 3, 14)."""
+        self._fill_bars(self.modulus, modulus)
+
+    def set_own_density(self, density: float, factor: npt.NDArray[np.float64]) -> None:
+        """Give every node the masses of the modules around it.
+
+        Args:
+            density: mean, kg/m3.
+            factor: (nz, ny, nx) each module's density over it.
+        """
+        module = density * self.lattice.spacing**3 * np.where(self.lattice.mask, factor, 0.0)
+        nz, ny, nx = module.shape
+        mass = np.zeros((2, *self.sites))
+        mass[1, 1 : 1 + nz, 1 : 1 + ny, 1 : 1 + nx] = module / 2
+        for dz, dy, dx in np.ndindex(2, 2, 2):
+            mass[0, 1 + dz : 1 + dz + nz, 1 + dy : 1 + dy + ny, 1 + dx : 1 + dx + nx] += module / 16
+        inverse = np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0)
+        for fields, values in ((self.own_mass, mass), (self.own_inverse_mass, inverse)):
+            for field, part in zip(fields, values, strict=True):
+                self._fill(field, part)
+
+    def masses(self) -> npt.NDArray[np.float64]:
+        """(2, nz + 3, ny + 3, nx + 3) masses of all nodes, kg; 0 where there is none."""
+        if self.features.density:
+            own = [self.lanes.gather(field.to_numpy()) for field in self.own_mass]
+            return np.stack(own).astype(np.float64)
+        return np.moveaxis(self.mass.to_numpy()[self.lattice.code], -1, 0).astype(np.float64)
+
+    # -- history -----------------------------------------------------------------------------------
+
+    def set_removed(self, removed: npt.NDArray[np.uint16]) -> None:
+        """Remove bars, one bit each: (nz + 3, ny + 3, nx + 3)."""
+        stored = self.lanes.spread(removed)
+        self.removed.from_numpy(stored)
+        self.touched.from_numpy(_lane_bits(stored != 0))
+
+    def set_peak(self, peak: npt.NDArray[np.float64]) -> None:
+        """Age bars to peak strains over their eps_p: (nz + 3, ny + 3, nx + 3, 14)."""
+        stored = self.lanes.spread(np.moveaxis(peak, -1, 0))
+        for field, values in zip(self.peak, stored, strict=True):
+            field.from_numpy(values.astype(numpy_float()))
+        self._touch(stored)
+
+    def _touch(self, peak: npt.NDArray) -> None:
+        """Mark the lanes with a bar beyond its eps_p, from (14, *S, width) peak strains over it."""
+        self.touched.from_numpy(_lane_bits(np.any(peak > 1, axis=0)) | self.touched.to_numpy())
+
+    def clear_history(self) -> None:
+        """Put the lattice at rest with whole bars, as before the first step; notches stay cut."""
+        fields = self.fields()
+        for name in ("displacement", *EVOLVING, "touched"):
+            for field in fields.get(name, []):
+                field.fill(0)
+        if self.features.notch:
+            self.touched.from_numpy(_lane_bits(self.removed.to_numpy() != 0))
+
+    def saved_state(self, now: int) -> dict[str, npt.NDArray]:
+        """Copies of what the next step starts from, between two steps: (fields of a name, *sites).
+
+        The arrays are those of the lattice and not of its lanes, which depend on the machine.
+
+        Args:
+            now: buffer of the displacement.
+        """
+        fields = self.fields()
+        saved = {
+            name: np.stack([self.lanes.gather(field.to_numpy()) for field in fields[name]])
+            for name in EVOLVING
+            if name in fields
+        }
+        displacement = [
+            self.lanes.gather(field.to_numpy()[now]) for field in fields["displacement"]
+        ]
+        return saved | {"displacement": np.stack(displacement)}
+
+    def restore_state(self, saved: Mapping[str, npt.NDArray]) -> None:
+        """Continue from ``saved_state``, with the displacement in both buffers."""
+        both = {"displacement": np.stack([saved["displacement"]] * 2, axis=1)}
+        fields = self.fields()
+        for name, values in {**saved, **both}.items():
+            for field, part in zip(fields[name], values, strict=True):
+                field.from_numpy(self.lanes.spread(part))
+        if self.features.damage:
+            self._touch(self.lanes.spread(saved["peak"]))
+
+    # -- in kernels --------------------------------------------------------------------------------
+
+    @ti.func
+    def lane_entries(self, table: ti.template(), code, entry: ti.template()):
+        """A table's entry for the byte of each lane."""
+        return ti.Vector([table[int(code[n])][entry] for n in ti.static(range(self.lanes.width))])
+
+    @ti.func
+    def lane_masses(self, s: ti.template(), k, j, m):
+        """Masses of a column's corner or centre nodes, kg."""
+        mass = self.lane_entries(self.mass, self.code[k, j, m], s)
+        if ti.static(self.features.density):
+            mass = self.own_mass[s][k, j, m]
+        return mass
+
+    @ti.func
+    def lane_inverse_masses(self, s: ti.template(), k, j, m):
+        """Inverse masses of a column's corner or centre nodes, 1/kg."""
+        inverse = self.lane_entries(self.inverse_mass, self.code[k, j, m], s)
+        if ti.static(self.features.density):
+            inverse = self.own_inverse_mass[s][k, j, m]
+        return inverse

@@ -1,0 +1,170 @@
+"""Drivers of the step: both passes over all columns, in strips of rows (CPU) or in launches (GPU).
+
+On the CPU a thread takes a strip of rows and alternates between the passes row by row, so that the
+bar scalars never leave its cache; the two rows at the borders of a strip are evaluated by both
+neighbours, with the same result. On a GPU each pass is a launch over all columns.
+
+The drivers know columns, rows and the numbers of a step, and nothing of bars or of nodes.
+"""
+
+import taichi as ti
+
+from taichi_ldem.solver.bars import BarForces
+from taichi_ldem.solver.fields import RING
+from taichi_ldem.solver.lanes import HALO
+from taichi_ldem.solver.nodes import NodeUpdate
+from taichi_ldem.solver.state import State
+
+TURNS = 512
+"""Taichi hands a CPU thread at least this many turns of a parallel loop."""
+
+StepNumbers = ti.types.struct(
+    spacing=ti.f64, kick=ti.f64, drift=ti.f64, damping=ti.f64, peak_strain=ti.f64
+)
+"""Numbers of a step: module edge, m; the times by which velocities and displacements change, s; the
+damping coefficient, 1/s; eps_p of the bar families. Kernels round them to Taichi's default float.
+"""
+
+
+@ti.data_oriented
+class Step:
+    """The two passes, driven as the layout of the lattice asks for."""
+
+    def __init__(self, state: State, bars: BarForces, nodes: NodeUpdate):
+        self.state, self.bars, self.nodes = state, bars, nodes
+        self._numbers: dict[tuple[float, ...], ti.Struct] = {}
+
+    def numbers(self, kick: float, drift: float, damping: float) -> ti.Struct:
+        """The ``StepNumbers`` of a step; kept, since making one takes as long as a small step."""
+        key = (self.state.lattice.spacing, kick, drift, damping, self.state.peak_strain)
+        if key not in self._numbers:
+            if len(self._numbers) > 16:
+                self._numbers.clear()
+            self._numbers[key] = StepNumbers(*key)
+        return self._numbers[key]
+
+    @ti.func
+    def rounded(self, now, numbers):
+        """The struct ``step`` of the passes: a buffer and the numbers in Taichi's float."""
+        return ti.Struct(
+            now=now,
+            spacing=ti.cast(numbers.spacing, float),
+            kick=ti.cast(numbers.kick, float),
+            drift=ti.cast(numbers.drift, float),
+            damping=ti.cast(numbers.damping, float),
+            peak_strain=ti.cast(numbers.peak_strain, float),
+        )
+
+    # -- in strips ---------------------------------------------------------------------------------
+
+    @ti.func
+    def bar_row(self, j):
+        """Row of the bar scalars for the sites at j; the scalars of ghost rows are always zero."""
+        row = j
+        if ti.static(self.state.in_strips):
+            row = j % RING
+            if j == 0 or j == ti.static(self.state.sites[1] - 1):
+                row = RING
+        return row
+
+    @ti.func
+    def force_row(self, strip, j, step: ti.template()):
+        """Pass 1 for a row of sites."""
+        if 0 < j < ti.static(self.state.sites[1] - 1):
+            row = self.bar_row(j)
+            for k in range(1, self.state.sites[0] - 1):
+                for m in range(HALO - 1, HALO + self.state.lanes.length + 1):
+                    self.bars.column_forces(ti.Struct(strip=strip, row=row, k=k, j=j, m=m), step)
+
+    @ti.func
+    def node_row(self, strip, j, step: ti.template(), measure):
+        """Pass 2 for a row; ``measure`` is asked once a row, so it costs no kernel."""
+        if measure != 0:
+            for k in range(1, self.state.sites[0] - 1):
+                for m in range(HALO, HALO + self.state.lanes.length):
+                    self.nodes.store_velocities(strip, k, j, m)
+        rows = ti.Vector([self.bar_row(j + offset) for offset in ti.static((-1, 0, 1))])
+        for k in range(1, self.state.sites[0] - 1):
+            for m in range(HALO, HALO + self.state.lanes.length):
+                at = ti.Struct(strip=strip, k=k, j=j, m=m)
+                self.nodes.update_column(rows, at, step, False)
+        if measure != 0:
+            sums = ti.Vector.zero(ti.f64, 2)
+            for k in range(1, self.state.sites[0] - 1):
+                for m in range(HALO, HALO + self.state.lanes.length):
+                    at = ti.Struct(strip=strip, k=k, j=j, m=m)
+                    sums += self.nodes.column_energies(at, step)
+            self.state.node_sums[j] = sums
+
+    @ti.func
+    def strip_step(self, strip, step: ti.template(), measure):
+        """Both passes for a strip of rows, a row of bars ahead of the nodes."""
+        inner, strips = ti.static(self.state.sites[1] - 2, self.state.layout.strips)
+        begin, end = 1 + inner * strip // strips, 1 + inner * (strip + 1) // strips
+        for j in range(begin - 1, end + 1):
+            self.force_row(strip, j, step)
+            if j > begin:
+                self.node_row(strip, j - 1, step, measure)
+
+    @ti.kernel
+    def _in_strips(self, now: int, numbers: StepNumbers, measure: int):
+        for turn in range(self.state.layout.strips * TURNS):
+            if turn % TURNS == 0:
+                step = self.rounded(now, numbers)
+                self.strip_step(turn // TURNS, step, measure)
+
+    # -- in passes ---------------------------------------------------------------------------------
+
+    @ti.func
+    def piece_end(self, piece):
+        """Column after the last of a piece of a row."""
+        return HALO + ti.min((piece + 1) * self.state.layout.piece, self.state.lanes.length)
+
+    @ti.func
+    def whole_passes(self, now, numbers, measure: ti.template()):
+        """A step in two launches; with ``measure`` a thread sums up a piece of a row."""
+        nz, ny, _ = ti.static(self.state.sites)
+        pieces, piece_length = ti.static(self.state.layout.pieces, self.state.layout.piece)
+        begin, end = ti.static(HALO, HALO + self.state.lanes.length)
+        for j, k, m in ti.ndrange((1, ny - 1), (1, nz - 1), (begin - 1, end + 1)):
+            step = self.rounded(now, numbers)
+            self.bars.column_forces(ti.Struct(strip=0, row=j, k=k, j=j, m=m), step)
+        if ti.static(measure):
+            for j, k, piece in ti.ndrange((1, ny - 1), (1, nz - 1), pieces):
+                step = self.rounded(now, numbers)
+                rows = ti.Vector([j - 1, j, j + 1])
+                sums = ti.Vector.zero(ti.f64, 2)
+                for m in range(begin + piece * piece_length, self.piece_end(piece)):
+                    at = ti.Struct(strip=0, k=k, j=j, m=m)
+                    sums += self.nodes.update_column(rows, at, step, True)
+                self.state.node_sums[(j * nz + k) * pieces + piece] = sums
+        else:
+            for j, k, m in ti.ndrange((1, ny - 1), (1, nz - 1), (begin, end)):
+                step = self.rounded(now, numbers)
+                rows = ti.Vector([j - 1, j, j + 1])
+                at = ti.Struct(strip=0, k=k, j=j, m=m)
+                self.nodes.update_column(rows, at, step, False)
+
+    @ti.kernel
+    def _in_passes(self, now: int, numbers: StepNumbers, measure: ti.template()):
+        self.whole_passes(now, numbers, measure)
+
+    # -- from Python -------------------------------------------------------------------------------
+
+    def take(self, now: int, kick: float, drift: float, damping: float, measure: bool) -> None:
+        """Take a step: bar forces at ``now``, then the nodes.
+
+        Args:
+            now: buffer of the displacement; the new one goes into the other.
+            kick, drift: times by which velocities and displacements change, s; both are the time
+                step in a run.
+            damping: coefficient of mass-proportional damping, 1/s.
+            measure: whether kinetic energy and losses by damping at t_n are summed up
+                (``node_sums``).
+        """
+        launch = self._in_strips if self.state.in_strips else self._in_passes
+        launch(now, self.numbers(kick, drift, damping), measure)
+
+    def kick(self, now: int, time_step: float, damping: float = 0.0) -> None:
+        """Add a time step's worth of bar forces to the velocities; nodes keep their places."""
+        self.take(now, time_step, 0.0, damping, False)
