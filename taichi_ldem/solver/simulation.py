@@ -1,8 +1,7 @@
 """A simulation built from exactly what its scene names."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -12,19 +11,15 @@ import taichi as ti
 from taichi_ldem.errors import SceneError, TooManyNodes
 from taichi_ldem.model.lattice import Lattice
 from taichi_ldem.scene import Scene
-from taichi_ldem.solver import guard, stability
+from taichi_ldem.solver import guard, saving, stability
 from taichi_ldem.solver.build import build_dynamics, refill_dynamics
 from taichi_ldem.solver.contact import BODIES, in_order_of_resolving
-from taichi_ldem.solver.contact.kernels.body import (
-    IMPULSE,
-    LOSS_AFTER,
-    LOSS_BEFORE,
-    PLATE_BEFORE,
-    Reading,
-    RigidBody,
-)
-from taichi_ldem.solver.dynamics import field_apart, field_bytes
+from taichi_ldem.solver.contact.kernels.body import LOSS_AFTER, LOSS_BEFORE, RigidBody
+from taichi_ldem.solver.dynamics import field_bytes
 from taichi_ldem.solver.energy import BROKEN, DAMPED, FRACTURE, KINETIC, STRAIN, EnergySums, Ledger
+from taichi_ldem.solver.sampling import Sample, Sampler
+
+__all__ = ["STEPS_A_LAUNCH", "STEPS_BETWEEN_LISTS", "Sample", "Simulation"]
 
 STEPS_BETWEEN_LISTS = 64
 """Steps between two listings of the nodes near a rigid body."""
@@ -33,38 +28,6 @@ STEPS_A_LAUNCH = 4
 """Steps that one kernel of a GPU takes: each is compiled on its own. Even, so that the buffers are
 back in their places. On Vulkan it is one: four take Taichi's SPIR-V builder minutes, in which it
 may fail (``Value does not yet exist``)."""
-
-LOST, POSITION = range(2)
-"""What is recorded of a body before a measured step: its losses after the last sample time before
-that step, and its displacement."""
-
-# what a sample reads of a rigid body: its sums, what was recorded of it before the step, its
-# velocities before and after the step, and the most nodes that were ever near
-SUMS, RECORDED, VELOCITIES, NEAR = 0, 4, 6, 8
-ENTRIES = NEAR + 1
-
-
-@dataclass(frozen=True)
-class Sample:
-    """One row of the history.
-
-    Attributes:
-        time: s. step: its number.
-        ledger: energies at that time.
-        energy_error: imbalance over initial energy plus external work.
-        energy_error_of_plate: imbalance over what the plate was given.
-        broken_bars: so far.
-        observed: what the rigid bodies add, by the history's columns: see their declarations in
-            ``contact``. A force is an impulse over the time since the last sample.
-    """
-
-    time: float
-    step: int
-    ledger: Ledger
-    energy_error: float
-    energy_error_of_plate: float
-    broken_bars: int
-    observed: Mapping[str, Any]
 
 
 @ti.data_oriented
@@ -79,7 +42,7 @@ class Simulation:
         dynamics: the lattice's fields and kernels.
         bodies: the rigid bodies that the scene has, in the order in which a step resolves them.
         drawn: mean and CV of the random factors on the material's properties, by property.
-        recorded: (bodies, 2) f64: see ``LOST``.
+        sampler: reads the sums of plate and bodies.
         time_step, critical_time_step: s.
         step_number: of the next step; the displacement at ``time`` lies in buffer ``now``.
         initial_ledger: energies of the first sample; None before it.
@@ -101,7 +64,7 @@ class Simulation:
             if body is not None:
                 self.bodies.append(body)
         self.energies = EnergySums(self.dynamics)
-        self.recorded = field_apart(ti.f64, (max(len(self.bodies), 1), 2))
+        self.sampler = Sampler(self.bodies, self.energies)
         self._start_clock()
 
     def _read_numbers(self) -> None:
@@ -117,7 +80,7 @@ class Simulation:
         self.now, self.step_number = 0, 0
         self.initial_ledger: Ledger | None = None
         self.last_sampled: float | None = None
-        self._impulses = dict.fromkeys((body.name for body in BODIES), 0.0)
+        self.sampler.start()
 
     def reset(self, scene: Scene, lattice: Lattice | None = None) -> None:
         """Start again at t = 0 with the numbers of another scene, without compiling anything.
@@ -266,62 +229,6 @@ class Simulation:
     # -- sampling
     # -----------------------------------------------------------------------------------
 
-    @ti.kernel
-    def _record(self):
-        """Record what a measured step goes on from."""
-        for n in ti.static(range(len(self.bodies))):
-            self.bodies[n].add_up()
-        ti.loop_config(serialize=True)
-        for _ in range(1):
-            for n in ti.static(range(len(self.bodies))):
-                self.recorded[n, LOST] = self.bodies[n].sums[LOSS_AFTER]
-                self.recorded[n, POSITION] = self.bodies[n].displacement_before()
-
-    @ti.kernel
-    def _collect(self, values: ti.types.ndarray()):
-        """Add up what a sample needs, into one small array."""
-        self.energies.add_up()
-        for n in ti.static(range(len(self.bodies))):
-            self.bodies[n].add_up()
-        ti.loop_config(serialize=True)
-        for _ in range(1):
-            total = self.energies.sums()
-            for n in ti.static(range(5)):
-                values[0, n] = total[n]
-            for n in ti.static(range(len(self.bodies))):
-                for m in ti.static(range(4)):
-                    values[1 + n, SUMS + m] = self.bodies[n].sums[m]
-                for m in ti.static(range(2)):
-                    values[1 + n, RECORDED + m] = self.recorded[n, m]
-                before, after = self.bodies[n].velocities()
-                values[1 + n, VELOCITIES] = before
-                values[1 + n, VELOCITIES + 1] = after
-                values[1 + n, NEAR] = self.bodies[n].count[1]
-
-    def _collected(self) -> tuple[Any, list[Reading]]:
-        """(5,) sums of the plate (see ``EnergySums``), and what was read of every body.
-
-        Raises:
-            TooManyNodes: more nodes came near a body than its list holds.
-        """
-        values = np.zeros((len(self.bodies) + 1, ENTRIES))
-        self._collect(values)
-        readings = []
-        for body, row in zip(self.bodies, values[1:].tolist(), strict=True):
-            body.refuse_more(int(row[NEAR]))
-            recorded = row[RECORDED : RECORDED + 2]
-            readings.append(
-                Reading(
-                    impulse=row[IMPULSE],
-                    plate_before=row[PLATE_BEFORE],
-                    lost=recorded[LOST] + row[LOSS_BEFORE],
-                    displacement=recorded[POSITION],
-                    velocity_before=row[VELOCITIES],
-                    velocity_after=row[VELOCITIES + 1],
-                )
-            )
-        return values[0], readings
-
     def sample_step(self) -> Sample:
         """Take one step and return the state at its start, with energies centred there.
 
@@ -329,10 +236,10 @@ class Simulation:
             TooManyNodes: more nodes came near a body than its list holds.
         """
         step, at = self.step_number, self.time
-        self._record()
+        self.sampler.record()
         self._step(measure=True)
         self.energies.potential(1 - self.now)
-        total, readings = self._collected()
+        total, readings = self.sampler.collected()
         own = [body.energies(r) for body, r in zip(self.bodies, readings, strict=True)]
         ledger = Ledger(
             float(total[KINETIC]) + sum(reading.plate_before for reading in readings),
@@ -346,6 +253,7 @@ class Simulation:
         if self.initial_ledger is None:
             self.initial_ledger = ledger
         start = self.initial_ledger
+        since = at - self.last_sampled if self.last_sampled is not None else self.time_step
         sample = Sample(
             at,
             step,
@@ -353,25 +261,10 @@ class Simulation:
             ledger.error(start),
             ledger.error_of_plate(start, 1e-3 * start.stored),
             int(total[BROKEN]),
-            self._observed(at, readings),
+            self.sampler.observed(readings, at, since, 1 - self.now),
         )
         self.last_sampled = at
         return sample
-
-    def _observed(self, at: float, readings: list[Reading]) -> dict[str, Any]:
-        """What the bodies add to the history's row at a time (s), by column."""
-        since = at - self.last_sampled if self.last_sampled is not None else self.time_step
-        by_name = {body.name: (body, r) for body, r in zip(self.bodies, readings, strict=True)}
-        observed: dict[str, Any] = {}
-        for declared in BODIES:
-            if declared.name in by_name:
-                body, reading = by_name[declared.name]
-                force = (reading.impulse - self._impulses[body.name]) / since
-                self._impulses[body.name] = reading.impulse
-                values = body.observe(reading, force, at, 1 - self.now)
-                columns = (observable.column for observable in declared.observables)
-                observed |= dict(zip(columns, values, strict=True))
-        return observed
 
     def fracture_of(self, chosen: npt.NDArray[np.bool_]) -> tuple[float, int]:
         """What some of the bars have dissipated so far, J, and how many of them are broken.
@@ -445,9 +338,9 @@ class Simulation:
             body.state.from_numpy(state)
         for body, nodes in zip(self.bodies, listed, strict=True):
             body.set_nodes(nodes)
-        self._record()
+        self.sampler.record()
         self.energies.potential(self.now)
-        _, readings = self._collected()
+        _, readings = self.sampler.collected()
         for body, reading in zip(self.bodies, readings, strict=True):
             body.observe(reading, 0.0, 0.0, self.now)
         if self.dynamics.features.damage:
@@ -469,83 +362,23 @@ class Simulation:
         }
         for body in self.bodies:
             sizes |= {name: field_bytes(field) for name, field in body.fields().items()}
-        sums = (self.energies.rows, self.energies.group_sums, self.recorded)
+        sums = (self.energies.rows, self.energies.group_sums, self.sampler.recorded)
         return sizes | {"energies": sum(field_bytes(field) for field in sums)}
 
     # -- saving
     # -----------------------------------------------------------------------------------
 
-    def _parts(self) -> dict[str, Any]:
-        """The parts that have a state of their own, by name."""
-        return {"dynamics": self.dynamics} | {body.name: body for body in self.bodies}
-
     def saved_state(self) -> dict[str, npt.NDArray]:
-        """What the next step starts from, between two steps: arrays by names ``part/field``.
+        """What the next step starts from: see ``saving.saved_state``."""
+        return saving.saved_state(self)
 
-        Of the time step only the critical one is kept, which a solver's rounding may change from
-        machine to machine; the rest follows from the scene.
-        """
-        start = [] if self.initial_ledger is None else list(vars(self.initial_ledger).values())
-        saved = {
-            "clock/step_number": np.array(self.step_number),
-            "clock/now": np.array(self.now),
-            "clock/critical_time_step": np.array(self.critical_time_step),
-            "clock/drawn": np.array(list(self.drawn.values())).reshape(-1, 2),
-            "ledger/start": np.array(start, dtype=np.float64),
-            "ledger/last": np.array([] if self.last_sampled is None else [self.last_sampled]),
-            "ledger/impulses": np.array(list(self._impulses.values())),
-        }
-        for name, part in self._parts().items():
-            own = part.saved_state(self.now) if part is self.dynamics else part.saved_state()
-            saved |= {f"{name}/{field}": values for field, values in own.items()}
-        return saved
-
-    def restore_state(self, saved: Mapping[str, npt.NDArray]) -> None:
+    def restore_state(self, saved: saving.Saved) -> None:
         """Continue from ``saved_state`` of a simulation of the same scene.
 
         Raises:
             ValueError: what is saved does not fit; nothing has been changed then, or all is void.
         """
-        self._refuse_unfit(saved)
-        self.step_number, self.now = int(saved["clock/step_number"]), int(saved["clock/now"])
-        self.critical_time_step = float(saved["clock/critical_time_step"])
-        self.time_step, self.sample_every = self._choose_time_step()
-        self.steps = round(self.scene.solver.duration / self.time_step)
-        start, last = saved["ledger/start"], saved["ledger/last"]
-        self.initial_ledger = Ledger(*(float(value) for value in start)) if len(start) else None
-        self.last_sampled = float(last[0]) if len(last) else None
-        self._impulses = dict(zip(self._impulses, saved["ledger/impulses"].tolist(), strict=True))
-        for name, part in self._parts().items():
-            prefix = f"{name}/"
-            part.restore_state(
-                {n.removeprefix(prefix): v for n, v in saved.items() if n.startswith(prefix)}
-            )
-
-    def _refuse_unfit(self, saved: Mapping[str, npt.NDArray]) -> None:
-        """Raise ValueError unless names, types and shapes are those of this simulation's state."""
-        mine = self.saved_state()
-        for name in sorted(mine.keys() ^ saved.keys()):
-            raise ValueError(f"'{name}' is {'missing' if name in mine else 'not of this scene'}")
-        for name, values in saved.items():
-            own = mine[name]
-            free = name.endswith(("/nodes", "/before", "/start", "/last"))  # of any length
-            same = values.shape[1:] == own.shape[1:] if free else values.shape == own.shape
-            if not same or values.ndim != own.ndim or values.dtype != own.dtype:
-                raise ValueError(f"'{name}' has another shape or type")
-        if len(saved["ledger/start"]) not in (0, len(fields(Ledger))) or (
-            len(saved["ledger/last"]) != bool(len(saved["ledger/start"]))
-        ):
-            raise ValueError("'ledger' has another shape")
-        critical = float(saved["clock/critical_time_step"])
-        if not abs(critical - self.critical_time_step) <= 1e-6 * self.critical_time_step:
-            raise ValueError(
-                f"the critical time step was {critical:.6g} s, is {self.critical_time_step:.6g} s"
-            )
-        # the random fields themselves are drawn again, from the seed
-        if not np.allclose(saved["clock/drawn"], mine["clock/drawn"], rtol=1e-9, atol=0):
-            raise ValueError("its random fields were others than the scene's seed gives here")
-        if saved["clock/now"] not in (0, 1) or not 0 <= saved["clock/step_number"] <= 10**12:
-            raise ValueError("'clock' is not a step's")
+        saving.restore_state(self, saved)
 
     # -- results
     # ------------------------------------------------------------------------------------

@@ -12,8 +12,8 @@ from taichi_ldem.solver.contact.kernels.body import (
     Layout,
     Reading,
     RigidBody,
-    vec3d,
 )
+from taichi_ldem.solver.contact.kernels.nearby import vec3d
 from taichi_ldem.solver.dynamics import Dynamics, field_apart
 from taichi_ldem.solver.gauge import Gauge
 

@@ -9,7 +9,8 @@ import numpy.typing as npt
 import taichi as ti
 
 from taichi_ldem.errors import SceneError
-from taichi_ldem.solver.contact.kernels.body import CHUNK, SLACK, Layout, RigidBody, vec3d
+from taichi_ldem.solver.contact.kernels.body import CHUNK, SLACK, Layout, RigidBody
+from taichi_ldem.solver.contact.kernels.nearby import vec3d
 from taichi_ldem.solver.dynamics import Dynamics
 
 if TYPE_CHECKING:

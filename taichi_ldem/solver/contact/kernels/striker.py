@@ -10,8 +10,8 @@ from taichi_ldem.solver.contact.kernels.body import (
     Energies,
     Layout,
     Reading,
-    vec3d,
 )
+from taichi_ldem.solver.contact.kernels.nearby import vec3d
 from taichi_ldem.solver.contact.kernels.surface import FrictionlessBody, list_capacity
 from taichi_ldem.solver.contact.noses import nose_of
 from taichi_ldem.solver.dynamics import Dynamics, field_apart

@@ -4,7 +4,8 @@ from typing import TYPE_CHECKING
 
 import taichi as ti
 
-from taichi_ldem.solver.contact.kernels.body import Layout, vec3d
+from taichi_ldem.solver.contact.kernels.body import Layout
+from taichi_ldem.solver.contact.kernels.nearby import vec3d
 from taichi_ldem.solver.contact.kernels.surface import FrictionlessBody, list_capacity
 from taichi_ldem.solver.dynamics import Dynamics
 

@@ -3,7 +3,8 @@
 import taichi as ti
 
 from taichi_ldem.model.lattice import Lattice
-from taichi_ldem.solver.contact.kernels.body import CHUNK, SLACK, RigidBody, vec3d
+from taichi_ldem.solver.contact.kernels.body import CHUNK, SLACK, RigidBody
+from taichi_ldem.solver.contact.kernels.nearby import vec3d
 
 
 def list_capacity(lattice: Lattice, diameter: float, *, along_y: bool) -> int:
