@@ -40,7 +40,7 @@ def main() -> None:
     variants = ["", *options.variants]
     scenes = [load_scene(options.scene, solver + variant.split()) for variant in variants]
     backend.start(scenes[0].solver)
-    from taichi_ldem.solver.simulation import build_dynamics
+    from taichi_ldem.solver.build import build_dynamics
 
     plates = [build_dynamics(scene)[0] for scene in scenes]
     for plate in plates:

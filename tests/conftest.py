@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from support.blocks import Breakable, block_scene, restart
+from support.blocks import Breakable, block_scene
 from support.reference import Body
 
 from taichi_ldem.scene import Solver
@@ -48,7 +48,8 @@ def _elastic_block(taichi: None) -> "Simulation":
 @pytest.fixture
 def elastic(_elastic_block: "Simulation") -> "Simulation":
     """A free elastic block of 20 x 3 x 2 modules, at rest."""
-    simulation = restart(_elastic_block)
+    simulation = _elastic_block
+    simulation.reset(simulation.scene)
     simulation.time_step = 0.9 * simulation.critical_time_step
     return simulation
 

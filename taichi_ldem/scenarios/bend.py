@@ -134,6 +134,6 @@ def summary(simulation: "Simulation", history: History, folder: RunFolder) -> di
         "strain_end_j": last["strain_j"],
         "kinetic_end_j": last["kinetic_plate_j"],
         "striker_velocity_end_m_s": last["striker_velocity_m_s"],
-        "contact_striker_j": simulation.contact_loss(simulation.striker),
-        "contact_supports_j": simulation.contact_loss(simulation.supports),
+        "contact_striker_j": simulation.contact_loss("striker"),
+        "contact_supports_j": simulation.contact_loss("supports"),
     }

@@ -48,8 +48,8 @@ def summary(simulation: "Simulation", history: History, folder: RunFolder) -> di
         "energy_at_peak_load_j": load.peak_energy,
         "total_energy_j": load.total_energy,
         "striker_velocity_end_m_s": last["striker_velocity_m_s"],
-        "contact_striker_j": simulation.contact_loss(simulation.striker),
-        "contact_rings_j": simulation.contact_loss(simulation.rings),
+        "contact_striker_j": simulation.contact_loss("striker"),
+        "contact_rings_j": simulation.contact_loss("rings"),
         **_measured(folder),
     }
 

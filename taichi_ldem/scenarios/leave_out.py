@@ -76,12 +76,7 @@ KERNELS_OF_EVERYTHING = 7
 def kernels(simulation: "Simulation") -> list[str]:
     """The kernels that a run of the simulation compiles, apart from those that copy fields."""
     found = ["step", "energies"]
-    names = ("striker", "rings", "grips", "supports")
-    bodies = [name for name in names if getattr(simulation, name) is not None]
-    found += [f"contact: {name}" for name in bodies]
-    found += [f"nodes near: {name}" for name in bodies if getattr(simulation, name).moving]
-    if simulation.gauge is not None:
-        found.append("gauge")
+    found += [kernel for body in simulation.bodies for kernel in body.kernel_names()]
     if simulation.dynamics.features.damage:
         found.append("broken bars")
     return found

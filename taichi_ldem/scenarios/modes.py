@@ -168,13 +168,12 @@ def linearised(scene: Scene) -> tuple[Scene, list[str]]:
 
 def build(scene: Scene) -> "tuple[Dynamics, npt.NDArray[np.int32]]":
     """The lattice's fields and kernels, and its fixed nodes. Taichi must have been started."""
-    from taichi_ldem.solver.contact import Rings
-    from taichi_ldem.solver.simulation import build_dynamics
+    from taichi_ldem.solver.build import build_dynamics
+    from taichi_ldem.solver.contact.rings import RINGS
 
     dynamics, _ = build_dynamics(scene)
-    if scene.clamp is None or not scene.held:
-        return dynamics, np.zeros(0, dtype=np.int32)
-    return dynamics, Rings(dynamics, scene.clamp, scene.plate).listed()
+    rings = RINGS.build(dynamics, scene, 0.0)
+    return dynamics, np.zeros(0, dtype=np.int32) if rings is None else rings.listed()
 
 
 def name_modes(scene: Scene, dynamics: "Dynamics", solution: "Solution") -> list[Mode]:

@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from taichi_ldem.scenarios.describe import implied, warnings
+from taichi_ldem.solver.contact import bodies_of
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Sample, Simulation
@@ -52,12 +53,17 @@ def announce(
 @contextlib.contextmanager
 def progress(console: Console, simulation: "Simulation") -> Iterator["Callable[[Sample], None]"]:
     """A function that shows a sample: in a bar on a terminal, in plain lines elsewhere."""
+    forces = [body.force for body in bodies_of(simulation.scene) if body.force is not None]
+
+    def state(sample: "Sample") -> str:
+        return _state(sample, sample.observed[forces[-1]] if forces else None)
+
     if console.is_terminal and not console.quiet:
         with Progress(
             TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn(), console=console
         ) as bar:
             task = bar.add_task("", total=simulation.scene.solver.duration)
-            yield lambda sample: bar.update(task, completed=sample.time, description=_state(sample))
+            yield lambda sample: bar.update(task, completed=sample.time, description=state(sample))
         return
     every = max(1, simulation.steps // simulation.sample_every // LINES)
     begun, first = time.perf_counter(), simulation.step_number
@@ -65,7 +71,7 @@ def progress(console: Console, simulation: "Simulation") -> Iterator["Callable[[
     def show(sample: "Sample") -> None:
         if sample.step // simulation.sample_every % every and sample.step != simulation.steps:
             return
-        line = _state(sample)
+        line = state(sample)
         if sample.step:
             elapsed = time.perf_counter() - begun
             left = elapsed * (simulation.steps - sample.step) / max(sample.step - first, 1)
@@ -75,12 +81,11 @@ def progress(console: Console, simulation: "Simulation") -> Iterator["Callable[[
     yield show
 
 
-def _state(sample: "Sample") -> str:
+def _state(sample: "Sample", force: float | None) -> str:
     """Time, step, force, broken bars and energy error of a sample."""
-    pull = sample.striker_force if sample.grip_force is None else sample.grip_force
-    force = "" if pull is None else f"  F {newtons(pull)} N"
+    shown = "" if force is None else f"  F {newtons(force)} N"
     return (
-        f"t {1e3 * sample.time:8.4f} ms  step {sample.step:7d}{force}  "
+        f"t {1e3 * sample.time:8.4f} ms  step {sample.step:7d}{shown}  "
         f"broken {sample.broken_bars:7d}  energy error {sample.energy_error:.1e}"
     )
 

@@ -26,6 +26,7 @@ from taichi_ldem.scenarios.progress import announce, make_console, progress
 from taichi_ldem.scenarios.registry import entry_of
 from taichi_ldem.scene import Scene, load_scene, parse_scene, scene_to_toml
 from taichi_ldem.solver import backend
+from taichi_ldem.solver.contact import bodies_of, observables
 from taichi_ldem.solver.memory import peak_bytes, refuse_too_large
 from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.storage.history import HistoryWriter
@@ -38,49 +39,32 @@ if TYPE_CHECKING:
 
 def columns(scene: Scene) -> list[str]:
     """Names of the history's columns: those of features that the scene names."""
-    damping, striker = scene.solver.damping > 0, scene.striker is not None
-    gravity = scene.striker is not None and scene.striker.gravity > 0
-    grips = scene.grips is not None
+    present = bodies_of(scene)
+    own = [observable for body in present for observable in body.observables]
     names = {
         "time_s": True,
-        "striker_displacement_m": striker,
-        "striker_velocity_m_s": striker,
-        "striker_force_n": striker,
-        "ring_force_n": scene.held,
-        "grip_displacement_m": grips,
-        "grip_force_n": grips,
-        "gauge_strain": grips,
-        "gauge_lateral_strain": grips,
-        "support_force_n": scene.supports is not None,
+        **{o.column: True for o in own if not o.energy},
         "kinetic_plate_j": True,
-        "kinetic_striker_j": striker,
+        **{o.column: True for o in own if o.energy},
         "strain_j": True,
         "fracture_j": scene.material.damage,
-        "damping_j": damping,
-        "contact_j": striker or scene.held or scene.supports is not None,
-        "external_j": gravity or grips,
+        "damping_j": scene.solver.damping > 0,
+        "contact_j": any(body.dissipates for body in present),
+        "external_j": any(body.works(scene) for body in present),
         "energy_error": True,
         "broken_bars": scene.material.damage,
     }
-    return [name for name, present in names.items() if present]
+    return [name for name, shown in names.items() if shown]
 
 
 def row(sample: "Sample") -> dict[str, float | int | None]:
-    """A sample under the names of the history's columns."""
-    ledger = sample.ledger
+    """A sample under the names of the history's columns: None for bodies that it lacks."""
+    ledger, observed = sample.ledger, sample.observed
     values = {
         "time_s": sample.time,
-        "striker_displacement_m": sample.striker_displacement,
-        "striker_velocity_m_s": sample.striker_velocity,
-        "striker_force_n": sample.striker_force,
-        "ring_force_n": sample.ring_force,
-        "grip_displacement_m": sample.grip_displacement,
-        "grip_force_n": sample.grip_force,
-        "gauge_strain": sample.gauge_strain,
-        "gauge_lateral_strain": sample.gauge_lateral_strain,
-        "support_force_n": sample.support_force,
+        **{o.column: observed.get(o.column) for o in observables(energy=False)},
         "kinetic_plate_j": ledger.kinetic_plate,
-        "kinetic_striker_j": ledger.kinetic_striker,
+        **{o.column: observed.get(o.column, 0.0) for o in observables(energy=True)},
         "strain_j": ledger.strain,
         "fracture_j": ledger.fracture,
         "damping_j": ledger.damping,
@@ -377,7 +361,7 @@ def _step_or_stop(console: Console, recorder: Recorder) -> ExitCode:
 
 
 def _step_through(console: Console, recorder: Recorder) -> None:
-    from taichi_ldem.solver.simulation import WARN_ERROR
+    from taichi_ldem.solver.guard import WARN_ERROR
 
     warned = False
     with progress(console, recorder.simulation) as show:
@@ -418,8 +402,9 @@ def _report_unwritable(recorder: Recorder, error: OSError) -> None:
 def _write_summary(recorder: Recorder, summary: Summary, seconds: float, compiled: float) -> None:
     """Write the numbers of a finished run."""
     scene, history = recorder.simulation.scene, recorder.history
-    if scene.striker is not None and not any(r["striker_force_n"] for r in history):
-        print("warning: the striker never touched the plate (striker.gap?)", file=sys.stderr)
+    for body in bodies_of(scene):
+        for line in body.warnings(history):
+            print(f"warning: {line}", file=sys.stderr)
     numbers = summary(recorder.simulation, history, recorder.folder)
     numbers |= cost(recorder.simulation, history, seconds, compiled)
     recorder.folder.write_summary(numbers | {"provenance": provenance(scene)})

@@ -27,9 +27,8 @@ def summary(simulation: "Simulation", history: History, folder: RunFolder) -> di
     Strength is the largest stress until the specimen parts, null where no bar has failed.
     Dissipated energy is that of all bars over the net section.
     """
-    assert simulation.gauge is not None
-    assert simulation.grips is not None
-    gauge, last = simulation.gauge, history[-1]
+    grips, last = simulation.body("grips"), history[-1]
+    gauge = grips.gauge
     names = ("time_s", "gauge_strain", "gauge_lateral_strain", "grip_force_n")
     c = curve({name: np.array([r[name] for r in history], dtype=float) for name in names})
     stress = c.force / gauge.section
@@ -37,7 +36,7 @@ def summary(simulation: "Simulation", history: History, folder: RunFolder) -> di
     peak = int(np.argmax(stress[:whole]))
     broken = np.array([r["broken_bars"] or 0 for r in history[1:]]) > 0
     first = int(np.argmax(broken))
-    within = elastic_rows(c, simulation.grips.scene.ramp, first if broken.any() else None)
+    within = elastic_rows(c, grips.table.ramp, first if broken.any() else None)
     at_peak = history[peak]
     return {
         "youngs_modulus": initial_slope(c.strain[within], stress[within]),

@@ -17,7 +17,7 @@ class Striker(Table):
     is wide, on a flat shaft.
     """
 
-    shape: Literal["hemisphere", "cylinder"] = Field(
+    shape: NoseName = Field(
         default="hemisphere", description="of the nose; the cylinder's axis is along y"
     )
     diameter: Positive = Field(description="of nose and shaft, m")

@@ -26,13 +26,13 @@ GROUP = 128
 
 @dataclass(frozen=True)
 class Ledger:
-    """Energies at one time, J (the plate's, and what crossed its border).
+    """Energies at one time, J: of the plate, of the rigid bodies, and the work from outside.
 
     ``imbalance`` is what the others fail to add up to since the start.
     """
 
     kinetic_plate: float = 0.0
-    kinetic_striker: float = 0.0
+    kinetic_bodies: float = 0.0
     strain: float = 0.0
     fracture: float = 0.0
     damping: float = 0.0
@@ -44,7 +44,7 @@ class Ledger:
         """Kinetic, strain and dissipated energy."""
         return (
             self.kinetic_plate
-            + self.kinetic_striker
+            + self.kinetic_bodies
             + self.strain
             + self.fracture
             + self.damping
@@ -67,12 +67,12 @@ class Ledger:
         return abs(self.imbalance(start)) / scale if scale > 0 else 0.0
 
     def error_of_plate(self, start: "Ledger", floor: float) -> float:
-        """Imbalance over what the plate was given: the striker's loss plus external work.
+        """Imbalance over what the plate was given: the bodies' loss plus external work.
 
         Args:
             floor: smallest scale, J, so that the first microseconds raise no alarm.
         """
-        given = start.kinetic_striker - self.kinetic_striker + self.external - start.external
+        given = start.kinetic_bodies - self.kinetic_bodies + self.external - start.external
         scale = max(given, floor)
         return abs(self.imbalance(start)) / scale if scale > 0 else 0.0
 

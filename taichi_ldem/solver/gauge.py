@@ -1,6 +1,7 @@
 """An extensometer: strains along and across the middle part of a specimen in tension."""
 
 import math
+from typing import Any
 
 import numpy as np
 import taichi as ti
@@ -30,26 +31,38 @@ class Gauge:
 
     def __init__(self, dynamics: Dynamics, angle: float, length: float):
         self.dynamics = dynamics
-        lattice, spacing = dynamics.lattice, dynamics.lattice.spacing
+        self.nodes: Any = None  # a field as soon as the number of nodes is known
+        self.place(angle, length)
+
+    def place(self, angle: float, length: float) -> None:
+        """Choose the bands on the lattice as it is now.
+
+        Raises:
+            ValueError: they have another number of nodes than before.
+        """
+        lattice, spacing = self.dynamics.lattice, self.dynamics.lattice.spacing
         turn = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
         along, across = turn @ lattice.grid()[..., :2].reshape(-1, 2).T
-        mass = dynamics.masses().ravel()
+        mass = self.dynamics.masses().ravel()
         corner = (mass > 0) & (np.arange(len(mass)) < len(mass) // 2)
-        reach = (0.5 + 1e-6) * spacing
+        half_band = (0.5 + 1e-6) * spacing
         middle = corner & (np.abs(along) <= 0.5 * length + 1e-6 * spacing)
         side = np.abs(across[middle]).max()
-        bands = [corner & (np.abs(along - sign * 0.5 * length) <= reach) for sign in (-1, 1)]
-        bands += [middle & (np.abs(across - sign * side) <= reach) for sign in (-1, 1)]
+        bands = [corner & (np.abs(along - sign * 0.5 * length) <= half_band) for sign in (-1, 1)]
+        bands += [middle & (np.abs(across - sign * side) <= half_band) for sign in (-1, 1)]
         number = np.flatnonzero(np.any(bands, axis=0))
         shares = [np.where(band, mass, 0.0)[number] for band in bands]
+        if self.nodes is None:
+            self.nodes = field_apart(ti.i32, len(number))
+        if self.nodes.shape[0] != len(number):
+            raise ValueError(f"the gauge has {self.nodes.shape[0]} nodes, not {len(number)}")
+        self.nodes.from_numpy(number.astype(np.int32))
         self._means = np.array([share / share.sum() for share in shares])
         self._turn = turn
         self.section = self._section(along, length)
         along, across = turn @ lattice.positions()[..., :2].reshape(-1, 2).T
         self.length = float((self._means[1] - self._means[0]) @ along[number])
         self.width = float((self._means[3] - self._means[2]) @ across[number])
-        self.nodes = field_apart(ti.i32, len(number))
-        self.nodes.from_numpy(number.astype(np.int32))
 
     def _section(self, along: np.ndarray, length: float) -> float:
         """Volume over length of the planes of modules whose centres are in the gauge length, m2."""
@@ -66,10 +79,10 @@ class Gauge:
         nz, ny, nx = ti.static(self.dynamics.sites)
         for number in self.nodes:
             node = self.nodes[number]
-            place = node // (ny * nx) % nz, node // nx % ny, node % nx
-            u = self.dynamics.access.displacement(now, CORNER, place[0], place[1], place[2])
+            k, j, i = node // (ny * nx) % nz, node // nx % ny, node % nx
+            displacement = self.dynamics.access.displacement(now, CORNER, k, j, i)
             for axis in ti.static(range(2)):
-                values[number, axis] = ti.cast(u[axis], ti.f64)
+                values[number, axis] = ti.cast(displacement[axis], ti.f64)
 
     def strains(self, now: int) -> tuple[float, float]:
         """Engineering strains along and across the specimen at the displacement ``now``."""

@@ -136,11 +136,7 @@ class State:
         self.peak_strain = np.inf
         for row in rows(features, self.layout):
             setattr(self, row.name, _allocate(row, self.layout))
-        self.code.from_numpy(self.lanes.spread(lattice.code))
-        if features.perturbed:
-            assert lattice.offsets is not None
-            for s, axis in NODE_AXES:
-                self._fill(self.offset[s][axis], lattice.offsets[s, ..., axis] / lattice.spacing)
+        self.set_lattice(lattice)
 
     def fields(self) -> dict[str, list[ti.Field]]:
         """All fields by name; several where a name has one for each sublattice, axis or bar."""
@@ -172,9 +168,13 @@ class State:
             self._fill(field, np.ascontiguousarray(values[..., bar]))
 
     def set_lattice(self, lattice: Lattice) -> None:
-        """Take another body that was cut from a prism of the same modules; it must be regular."""
+        """Take another body that was cut from a prism of the same modules."""
         self.lattice = lattice
         self.code.from_numpy(self.lanes.spread(lattice.code))
+        if self.features.perturbed:
+            assert lattice.offsets is not None
+            for s, axis in NODE_AXES:
+                self._fill(self.offset[s][axis], lattice.offsets[s, ..., axis] / lattice.spacing)
 
     def set_bars(self, bars: Bars) -> None:
         """Fill the tables of stiffness EA/L per site byte (N/m) and of the law's parameters."""

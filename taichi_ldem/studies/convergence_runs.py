@@ -109,19 +109,19 @@ class _Impact:
     def take(self, sample: "Sample") -> None:
         """Note a sample."""
         self.error = max(self.error, sample.energy_error)
-        assert sample.striker_velocity is not None
+        observed = sample.observed
         # forces are impulses over the time since the sample before
         since = sample.time - self.rows[-1][0] if self.rows else self.simulation.time_step
         before = self.rows[-1][2:] if self.rows else (0.0, 0.0)
-        forces = (sample.striker_force or 0.0, sample.ring_force or 0.0)
+        forces = (observed["striker_force_n"], observed.get("ring_force_n", 0.0))
         impulses = (b + f * since for b, f in zip(before, forces, strict=True))
-        self.rows.append((sample.time, sample.striker_velocity, *impulses))
+        self.rows.append((sample.time, observed["striker_velocity_m_s"], *impulses))
 
     def signals(self) -> dict[str, Any]:
         """Histories by quantity."""
         time_s, velocity, striker, ring = np.array(self.rows).T
         found = {"velocity": velocity, "striker impulse": striker}
-        if self.simulation.rings is not None:
+        if self.simulation.body("rings") is not None:
             found["ring impulse"] = ring
         return {"time": time_s.tolist(), "signals": {k: v.tolist() for k, v in found.items()}}
 
@@ -175,7 +175,7 @@ def lowest_elastic_mode(simulation: "Simulation") -> tuple[float, Array]:
     """Frequency (Hz) and shape (2, *S, 3) of the lowest mode that is not a rigid motion."""
     from taichi_ldem.solver import eigen
 
-    rings = simulation.rings
+    rings = simulation.body("rings")
     fixed = rings.listed() if rings is not None else np.zeros(0, dtype=np.int32)
     operator = eigen.TangentOperator(simulation.dynamics, fixed)
     found = eigen.lowest(operator, 1 if rings is not None else 7)

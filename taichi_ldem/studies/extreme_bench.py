@@ -131,17 +131,16 @@ class Bench:
     def run(self, case: Case) -> Seen:
         """Renew the simulation for a case and follow it."""
         from taichi_ldem.errors import SimulationStopped, TooManyNodes
-        from taichi_ldem.studies.reuse import renew, start_striker
 
         self.seen, self.kept, s = Seen(), {}, self.simulation
         seen, self.held = self.seen, 0.0
         try:
             self.scene = parse_scene(changed(self.base, case.changes))
-            renew(s, self.scene, self.whole if s.dynamics.lattice is not self.whole else None)
+            s.reset(self.scene, self.whole)
             if case.share is not None:
                 s.time_step = case.share * s.critical_time_step
-                if s.striker is not None:
-                    start_striker(s)
+                for body in s.bodies:
+                    body.start(self.scene, s.time_step)
             s.steps, s.sample_every = case.steps, max(1, case.steps // SAMPLES)
             if case.set_up is not None:
                 case.set_up(self)
@@ -164,7 +163,9 @@ class Bench:
         return seen
 
     def _note(self, sample: "Sample") -> None:
-        seen, ledger, start = self.seen, sample.ledger, self.simulation._start
+        from taichi_ldem.solver.guard import gained_in_contact
+
+        seen, ledger, start = self.seen, sample.ledger, self.simulation.initial_ledger
         assert start is not None
         plate = ledger.kinetic_plate + ledger.strain + ledger.fracture + ledger.damping
         self.held = max(self.held, plate + abs(ledger.contact))
@@ -173,7 +174,7 @@ class Bench:
         for name, value in (
             ("drift", drift),
             ("error", sample.energy_error),
-            ("gained", self.simulation._gained(ledger)),
+            ("gained", gained_in_contact(ledger, start)),
             ("strain", longest),
             ("compression", -shortest),
         ):

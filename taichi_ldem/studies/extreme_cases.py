@@ -79,11 +79,9 @@ def _body(mask: Callable[[np.ndarray], None]) -> Callable[[Bench], None]:
     """Cut another body from the prism, by the same kernels, and shake it."""
 
     def set_up(bench: Bench) -> None:
-        from taichi_ldem.studies.reuse import renew
-
         modules = np.zeros_like(bench.whole.mask)
         mask(modules)
-        renew(bench.simulation, bench.scene, Lattice(modules, bench.whole.spacing))
+        bench.simulation.reset(bench.scene, Lattice(modules, bench.whole.spacing))
         bench.simulation.time_step = 0.9 * bench.simulation.critical_time_step
         bench.simulation.steps, bench.simulation.sample_every = 2000, 100
         bench.shake(1e-3)
@@ -153,7 +151,7 @@ def _all_broken(speed: float) -> Callable[[Bench], None]:
         dynamics = bench.simulation.dynamics
         broken = np.where(bench.exists[0], 1e3, 0.0)
         dynamics.set_peak(np.broadcast_to(broken, (*dynamics.sites, 14)).copy())
-        if bench.simulation.striker is None:
+        if bench.simulation.body("striker") is None:
             bench.shake(speed)
             bench.kept["momentum"] = bench.momentum()
 
@@ -164,7 +162,7 @@ def _moves_on(share: float) -> Callable[[Bench], str]:
     """The striker keeps at least this share of its velocity."""
 
     def check(bench: Bench) -> str:
-        body, scene = bench.simulation.striker, bench.scene.striker
+        body, scene = bench.simulation.body("striker"), bench.scene.striker
         assert body is not None
         assert scene is not None
         now = body.motion()[2] / scene.velocity
@@ -177,12 +175,11 @@ def _striker(displacement: float = 0.0, x: float = 0.0) -> Callable[[Bench], Non
     """Put the striker where no scene puts it."""
 
     def set_up(bench: Bench) -> None:
-        from taichi_ldem.solver.contact import AXIS_X
-        from taichi_ldem.studies.reuse import start_striker
+        from taichi_ldem.solver.contact.kernels.striker import AXIS_X
 
-        body = bench.simulation.striker
+        body = bench.simulation.body("striker")
         assert body is not None
-        start_striker(bench.simulation, displacement)
+        body.start(bench.scene, bench.simulation.time_step, displacement)
         numbers = body.numbers.to_numpy()
         numbers[AXIS_X] = x
         body.numbers.from_numpy(numbers)

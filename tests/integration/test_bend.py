@@ -50,7 +50,7 @@ class Struck:
     mass, speed, looks = 0.1, 1.0, 200
 
     def __init__(self) -> None:
-        from taichi_ldem.solver.contact import IMPULSE
+        from taichi_ldem.solver.contact.kernels.body import IMPULSE
         from taichi_ldem.solver.simulation import Simulation
 
         notch = {"normal": "x", "position": 0.0, "from": [-1e-3, 0.0], "to": [1e-3, 0.6e-3]}
@@ -65,9 +65,9 @@ class Struck:
             sample = s.sample_step()
             velocity = s.dynamics.get_velocity()[body.index]
             place = body.positions + s.displacement()[body.index]
-            travelled, _, speed = s.striker.motion()
+            travelled, _, speed = s.body("striker").motion()
             momentum = self.mass * speed - masses @ velocity[:, 2]
-            taken = float(s.supports.collected()[IMPULSE])
+            taken = float(s.body("supports").collected()[IMPULSE])
             rows.append((momentum + taken, taken, self._inside(place, travelled)))
         self.last = sample
         self.balance, self.taken, self.inside = np.array(rows).T
@@ -100,14 +100,14 @@ def test_no_node_is_inside_a_cylinder(struck: Struck) -> None:
 def test_energy_is_accounted_for_until_something_breaks(struck: Struck) -> None:
     assert struck.last.ledger.fracture == 0
     assert struck.last.energy_error < 1e-9
-    given = 0.5 * struck.mass * struck.speed**2 - struck.last.ledger.kinetic_striker
+    given = 0.5 * struck.mass * struck.speed**2 - struck.last.ledger.kinetic_bodies
     assert given > 1e-4 * 0.5 * struck.mass * struck.speed**2
     # displacements are not small, so the trapezoidal work of the bars' forces is not exact
     assert struck.last.energy_error_of_plate < 1e-5
 
 
 def test_notch_bars_are_neither_broken_nor_dissipated(struck: Struck) -> None:
-    from taichi_ldem.solver.simulation import notch_bars
+    from taichi_ldem.solver.build import notch_bars
 
     assert struck.last.broken_bars == 0
     notch = struck.simulation.scene.notch[0]
@@ -143,8 +143,8 @@ def test_a_cylinder_out_of_reach_never_acts(taichi: None) -> None:
         simulation.start_from(np.zeros_like(noise), noise)
         simulation.advance(200)
         ends.append(simulation.displacement())
-    assert simulation.striker is not None
-    assert not simulation.striker.collected().any()
+    assert simulation.body("striker") is not None
+    assert not simulation.body("striker").collected().any()
     np.testing.assert_array_equal(*ends)
 
 
@@ -172,8 +172,8 @@ def loaded(taichi: None) -> "Simulation":
 def test_supports_carry_what_the_striker_presses_with(loaded: "Simulation") -> None:
     weight = WEIGHT["mass"] * WEIGHT["gravity"]
     sample = loaded.sample_step()
-    assert sample.striker_force == pytest.approx(weight, rel=1e-6)
-    assert sample.support_force == pytest.approx(weight, rel=1e-6)
+    assert sample.observed["striker_force_n"] == pytest.approx(weight, rel=1e-6)
+    assert sample.observed["support_force_n"] == pytest.approx(weight, rel=1e-6)
 
 
 def test_the_beam_s_axis_bends_as_timoshenko_s(loaded: "Simulation") -> None:
@@ -201,7 +201,7 @@ def test_the_striker_sinks_as_the_assembled_lattice_says(loaded: "Simulation") -
     lattice = loaded.dynamics.lattice
     none = np.zeros(lattice.sites, dtype=np.uint16)
     compliance = lattice_compliance(lattice, STIFFNESS, none, SPAN * SPACING)
-    sunk = loaded.striker.motion()[0]
+    sunk = loaded.body("striker").motion()[0]
     assert sunk == pytest.approx(compliance * WEIGHT["mass"] * WEIGHT["gravity"], rel=1e-4)
 
 

@@ -15,6 +15,7 @@ from taichi_ldem.scenarios import runner
 from taichi_ldem.scenarios.measure import measure_run
 from taichi_ldem.scenarios.progress import newtons
 from taichi_ldem.solver.backend import vulkan_device
+from taichi_ldem.solver.contact import observables
 from taichi_ldem.storage.fields import read_broken_bars, read_fields
 from taichi_ldem.storage.folder import RunFolder
 
@@ -185,11 +186,10 @@ def test_ctrl_c_keeps_what_was_computed(scene: Path) -> None:
 
 def test_zeros_have_no_sign(finished: RunFolder) -> None:
     assert "-0.0" not in finished.history_file.read_text().replace("\n", ",").split(",")
-    names = ("kinetic_plate", "kinetic_striker", "strain", "fracture", "damping", "contact")
+    names = ("kinetic_plate", "kinetic_bodies", "strain", "fracture", "damping", "contact")
     ledger = SimpleNamespace(**dict.fromkeys((*names, "external"), -0.0))
-    parts = ("striker_displacement", "striker_velocity", "striker_force", "ring_force")
-    parts += ("grip_displacement", "grip_force", "gauge_strain", "gauge_lateral_strain")
-    zeros = dict.fromkeys((*parts, "support_force", "time", "energy_error"), -0.0)
+    columns = [o.column for energy in (False, True) for o in observables(energy=energy)]
+    zeros = {"observed": dict.fromkeys(columns, -0.0), "time": -0.0, "energy_error": -0.0}
     values = runner.row(SimpleNamespace(ledger=ledger, broken_bars=0, **zeros))  # type: ignore
     assert {str(value) for value in values.values()} == {"0.0", "0"}
     assert newtons(-0.04) == "    0.0"

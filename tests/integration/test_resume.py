@@ -50,8 +50,7 @@ backend.start(scene.solver)
 from taichi_ldem.solver.simulation import Simulation
 
 def values(sample):
-    return (sample.step, sample.striker_displacement, sample.striker_velocity,
-            sample.striker_force, sample.ring_force, sample.broken_bars, sample.energy_error,
+    return (sample.step, *sample.observed.values(), sample.broken_bars, sample.energy_error,
             sample.energy_error_of_plate, *vars(sample.ledger).values())
 
 def end(simulation):

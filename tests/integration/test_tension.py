@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from support.blocks import PMMA, SPACING, block_scene, restart
+from support.blocks import PMMA, SPACING, block_scene
 from support.paths import CONFIGS
 from support.reference import Body
 
@@ -40,9 +40,7 @@ def pulled(taichi: None, request: pytest.FixtureRequest) -> "Simulation":
 @pytest.fixture
 def gripped(pulled: "Simulation") -> "tuple[Simulation, Body, np.ndarray]":
     """A block of 12 x 4 x 3 modules at rest; of its nodes, +1 and -1 for those in the grips."""
-    restart(pulled)
-    for name in ("state", "sums", "before"):
-        getattr(pulled.grips, name).fill(0)
+    pulled.reset(pulled.scene)
     body = Body(pulled.dynamics.lattice.mask, SPACING)
     x = body.positions[:, 0]
     return pulled, body, np.sign(x) * (np.abs(x) > 6 * SPACING - LENGTH)
@@ -62,12 +60,12 @@ def test_grips_go_where_their_speed_takes_them(
     way = np.mean(SPEED * (3 * share**2 - 2 * share**3)) * simulation.time
     assert simulation.time > 2 * RAMP
     np.testing.assert_allclose(moved[side != 0, 0], (0.5 * way * side)[side != 0], rtol=1e-5)
-    assert simulation.grips.separation_at(simulation.time) == pytest.approx(way, rel=1e-5)
-    assert simulation.grips.separation_at(0.3 * RAMP) == pytest.approx(
+    assert simulation.body("grips").separation_at(simulation.time) == pytest.approx(way, rel=1e-5)
+    assert simulation.body("grips").separation_at(0.3 * RAMP) == pytest.approx(
         SPEED * RAMP * (0.3**3 - 0.5 * 0.3**4), rel=1e-12
     )
     across = np.abs(moved[side != 0, 1:]).max()
-    if simulation.grips.scene.lateral == "held":
+    if simulation.body("grips").table.lateral == "held":
         assert across == 0.0
     else:
         assert across > 1e-3 * way
@@ -92,7 +90,7 @@ def test_force_and_work_are_those_of_the_nodes_in_the_grips(
         assert np.abs(given[side == 0]).max() < 1e-9 * np.abs(given).max()
         if rows:  # the first sample's force is a mean since the start
             pull = 0.5 * (side * given[:, 0]).sum() / dt
-            assert sample.grip_force == pytest.approx(pull, rel=1e-9)
+            assert sample.observed["grip_force_n"] == pytest.approx(pull, rel=1e-9)
         # a step's work: one half before the sample's time, one half after
         halves = 0.5 * (given * before).sum(), 0.5 * (given * after).sum()
         rows.append((*halves, sample.ledger.external))
@@ -105,26 +103,26 @@ def test_force_and_work_are_those_of_the_nodes_in_the_grips(
 
 def test_the_gauge_reads_uniform_strains(gripped: "tuple[Simulation, Body, np.ndarray]") -> None:
     simulation, body, _ = gripped
-    gauge = simulation.gauge
+    gauge = simulation.body("grips").gauge
     # half of the 9.6 modules between the grips; planes at -2 and 2, sides at -2 and 2
     assert (gauge.length, gauge.width) == pytest.approx((4 * SPACING, 4 * SPACING), rel=1e-12)
     assert gauge.section == pytest.approx(12 * SPACING**2, rel=1e-9)
     stretch = np.array([[2e-3, 1e-4, 0], [3e-4, -5e-4, 0], [0, 0, 7e-4]])
     moved = body.positions @ stretch.T + 1e-5
     simulation.dynamics.set_displacement(0, body.spread(moved))
-    assert simulation.gauge.strains(0) == pytest.approx((2e-3, -5e-4), rel=1e-9)
+    assert gauge.strains(0) == pytest.approx((2e-3, -5e-4), rel=1e-9)
 
 
 def test_a_gauge_across_the_lattice(taichi: None) -> None:
     from taichi_ldem.scene import Material, Plate
+    from taichi_ldem.solver.build import specimen_mask
     from taichi_ldem.solver.dynamics import Dynamics, Features
     from taichi_ldem.solver.gauge import Gauge
-    from taichi_ldem.solver.simulation import _specimen
 
     plate = Plate(size=(20 * SPACING, 6 * SPACING, SPACING), modules_through_thickness=1, angle=45)
     from taichi_ldem.model.lattice import Lattice
 
-    lattice = Lattice(_specimen(plate), SPACING)
+    lattice = Lattice(specimen_mask(plate), SPACING)
     bars = mat.bar_families(Material(**PMMA), SPACING)
     dynamics = Dynamics(lattice, bars, PMMA["density"], Features())
     gauge = Gauge(dynamics, np.pi / 4, 10 * SPACING)

@@ -4,7 +4,7 @@ import numpy as np
 import taichi as ti
 
 from taichi_ldem.model.lattice import BARS_PER_SITE
-from taichi_ldem.solver.contact import RigidBody
+from taichi_ldem.solver.contact.kernels.body import Layout, RigidBody
 from taichi_ldem.solver.dynamics import Dynamics
 from taichi_ldem.solver.lanes import HALO
 
@@ -45,7 +45,7 @@ class Places:
 
     def __init__(self, dynamics: Dynamics):
         self.sites = dynamics.sites
-        self.body = RigidBody(dynamics, (0.0,), 1)
+        self.body = RigidBody(dynamics, Layout((0.0,), 1))
 
     @ti.kernel
     def fill(self, spacing: float, values: ti.types.ndarray()):
@@ -53,7 +53,7 @@ class Places:
         nz, ny, nx = ti.static(self.sites)
         for k, j, i in ti.ndrange((1, nz - 1), (1, ny - 1), (1, nx - 1)):
             for s in range(2):
-                place = self.body.rest(s, k, j, i, spacing)
+                place = self.body.rest_position(s, k, j, i, spacing)
                 for axis in ti.static(range(3)):
                     values[s, k, j, i, axis] = place[axis]
 

@@ -1,6 +1,6 @@
-"""Small scenes for the tests, and a way to start one again without compiling it again."""
+"""Small scenes and blocks for the tests."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from support.reference import Body
@@ -8,9 +8,6 @@ from support.reference import Body
 from taichi_ldem.model import material as mat
 from taichi_ldem.model.lattice import Lattice, prism
 from taichi_ldem.scene import Material, Scene, parse_scene
-
-if TYPE_CHECKING:
-    from taichi_ldem.solver.simulation import Simulation
 
 SPACING = 0.5e-3
 PMMA = {"youngs_modulus": 3.35e9, "poisson_ratio": 0.25, "density": 1190.0, "damage": False}
@@ -34,17 +31,6 @@ def block_scene(
     for name, table in tables.items():
         data[name] = data.get(name, {}) | table if isinstance(table, dict) else table
     return parse_scene(data)
-
-
-def restart(simulation: "Simulation") -> "Simulation":
-    """Put a plate back to its first step, at rest and whole (a striker stays where it is)."""
-    dynamics = simulation.dynamics
-    for name in ("displacement", "velocity", "peak", "touched", "recorded", "damped"):
-        for field in dynamics.fields().get(name, []):
-            field.fill(0)
-    simulation.now = simulation.step_number = 0
-    simulation._start = simulation._last = None
-    return simulation
 
 
 def smooth_velocity(places: np.ndarray, speed: float) -> np.ndarray:

@@ -77,9 +77,9 @@ def compute(names: list[str]) -> dict[str, list[list[float]]]:
             [
                 float(value)
                 for value in (
-                    s.striker_displacement or 0.0,
-                    s.striker_velocity or 0.0,
-                    s.striker_force or 0.0,
+                    s.observed["striker_displacement_m"],
+                    s.observed["striker_velocity_m_s"],
+                    s.observed["striker_force_n"] or 0.0,  # a zero has no sign
                     s.broken_bars,
                     s.ledger.kinetic_plate,
                     s.ledger.strain,

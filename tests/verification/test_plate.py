@@ -29,8 +29,8 @@ def test_static_stiffness_of_a_clamped_plate(taichi: None) -> None:
     for _ in range(6):
         sample = simulation.sample_step()
         simulation.advance(999)
-    assert sample.striker_force == pytest.approx(weight, rel=0.01)
-    assert sample.ring_force == pytest.approx(weight, rel=0.01)
+    assert sample.observed["striker_force_n"] == pytest.approx(weight, rel=0.01)
+    assert sample.observed["ring_force_n"] == pytest.approx(weight, rel=0.01)
     lattice = simulation.dynamics.lattice
     middle = (0, 1, across // 2 + 1, across // 2 + 1)  # bottom face: no dent of the striker
     place = lattice.positions()[middle]

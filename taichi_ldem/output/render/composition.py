@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_ldem.output.render.scales import Scale
-from taichi_ldem.output.render.shading import STRIKER_RGB
+from taichi_ldem.output.render.shading import BODY_RGB
 from taichi_ldem.output.render.views import SIZE_PX, WIDTH, Panel, View
 
 if TYPE_CHECKING:
@@ -22,28 +22,29 @@ FloatArray = NDArray[np.floating[Any]]
 def compose(
     view: View,
     images: Sequence[FloatArray],
-    lines: Sequence[tuple[FloatArray, list[FloatArray]]],
+    lines: Sequence[tuple[list[FloatArray], list[FloatArray]]],
     scale: Scale,
 ) -> Figure:
     """One picture of the panels, with outlines, scale bars, axes and the colour key.
 
     Args:
         images: (rows, columns, 3) of each panel.
-        lines: of each panel, the striker's outline (n, 2) and the clamp's lines, m.
+        lines: of each panel, the outlines (n, 2) of solid bodies and the lines of circles, m.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(SIZE_PX[0] / 100, SIZE_PX[1] / 100), dpi=100)
     FigureCanvasAgg(figure)
-    for panel, image, (striker, clamp) in zip(view.panels, images, lines, strict=True):
+    for panel, image, (solids, circles) in zip(view.panels, images, lines, strict=True):
         place = ((1 - WIDTH) / 2, panel.bottom, WIDTH, panel.height)
         axes = figure.add_axes(place, frameon=False, xticks=(), yticks=())
         half = panel.span / 2
         axes.imshow(image, extent=(-half, half, -half * panel.aspect, half * panel.aspect))
         hidden = panel.rotation[2, 2] < -0.1  # behind the plate
-        axes.plot(*striker.T, ":" if hidden else "-", color=tuple(STRIKER_RGB), linewidth=1.5)
-        for line in clamp:
+        for line in solids:
+            axes.plot(*line.T, ":" if hidden else "-", color=tuple(BODY_RGB), linewidth=1.5)
+        for line in circles:
             axes.plot(*line.T, "--", color="0.35", linewidth=1.5, dashes=(5, 4))
         _annotate(axes, panel)
     _colour_key(figure, scale)

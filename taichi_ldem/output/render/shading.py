@@ -1,4 +1,4 @@
-"""The image of one panel: visible faces, their light, the striker in front of the plate."""
+"""The image of one panel: visible faces, their light, solid bodies in front of the plate."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.floating[Any]]
 
-STRIKER_RGB = np.array((0.25, 0.48, 0.75))
-_OPACITY = 0.4  # of the striker
+BODY_RGB = np.array((0.25, 0.48, 0.75))
+_OPACITY = 0.4  # of solid bodies
 _BEHIND_RGB = np.array((0.72, 0.80, 0.88))  # faces far behind a cut
 _WALL_RGB = np.array((0.50, 0.44, 0.40))  # walls of cracks there
 
@@ -33,7 +33,7 @@ def panel_image(
     bodies: Bodies,
     fade: float | None,
 ) -> FloatArray:
-    """An image (rows, columns, 3) of the plate with the striker over it, RGB.
+    """An image (rows, columns, 3) of the plate with solid bodies over it, RGB.
 
     Args:
         middle: (3,) place in the middle of the panel, m.
@@ -54,10 +54,10 @@ def panel_image(
     front = turned[:, 2] > 0
     if not front.any():
         return image
-    striker = (bodies.faces[front] - middle) @ panel.rotation.T
+    solids = (bodies.faces[front] - middle) @ panel.rotation.T
     closed = np.zeros(front.sum(), dtype=bool)
-    shade = STRIKER_RGB * _brightness(turned[front], closed, light)[:, None]
-    both = np.concatenate([corners, striker]), np.concatenate([colours, shade])
+    shade = BODY_RGB * _brightness(turned[front], closed, light)[:, None]
+    both = np.concatenate([corners, solids]), np.concatenate([colours, shade])
     return (1 - _OPACITY) * image + _OPACITY * _paint(painter, *both, panel)
 
 

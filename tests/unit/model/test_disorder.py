@@ -168,8 +168,8 @@ class Uneven:
     """A block with all three kinds of disorder whose nodes are placed by hand."""
 
     def __init__(self) -> None:
+        from taichi_ldem.solver.build import build_dynamics
         from taichi_ldem.solver.energy import EnergySums
-        from taichi_ldem.solver.simulation import build_dynamics
 
         scene = block_scene(4, 3, 3, spacing=EDGE, material=DAMAGE, disorder=CVS)
         self.dynamics: Dynamics = build_dynamics(scene)[0]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import kstest
-from support.blocks import DAMAGE, PMMA, block_scene, restart
+from support.blocks import DAMAGE, PMMA, block_scene
 from support.reference import Body
 
 from studies.perturbation import constants
@@ -98,7 +98,8 @@ def _perturbed(taichi: None) -> "Simulation":
 
 @pytest.fixture
 def perturbed(_perturbed: "Simulation") -> "Simulation":
-    return restart(_perturbed)
+    _perturbed.reset(_perturbed.scene)
+    return _perturbed
 
 
 @pytest.fixture

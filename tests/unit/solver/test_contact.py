@@ -3,7 +3,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from support.blocks import PMMA, SPACING, block_scene, restart
+from support.blocks import PMMA, SPACING, block_scene
 from support.reference import Body
 
 from taichi_ldem.model import material as mat
@@ -35,7 +35,6 @@ class Hit:
 
     def __init__(self, mass: float, speed: float, radius: float, depth: float = 0.0) -> None:
         from taichi_ldem.solver.simulation import Simulation
-        from taichi_ldem.studies.reuse import start_striker
 
         self.mass, self.speed, self.radius = mass, speed, radius
         striker = {
@@ -48,7 +47,7 @@ class Hit:
         self.simulation = s = Simulation(block_scene(8, 8, 3, striker=striker))
         self.body = body = Body(s.dynamics.lattice.mask, SPACING)
         if depth:
-            start_striker(s, self.gap + depth)
+            s.body("striker").start(s.scene, s.time_step, self.gap + depth)
         masses = MODULE_MASS * body.mass_shares[:, None]
         rows = []
         moved = np.zeros((len(body.places), 3))
@@ -58,7 +57,7 @@ class Hit:
             free = velocity + s.time_step * body.forces(moved, STIFFNESS) / masses
             velocity = s.dynamics.get_velocity()[body.index]
             moved = s.displacement()[body.index]
-            travelled, _, speed = s.striker.motion()
+            travelled, _, speed = s.body("striker").motion()
             away = self._from_axis(body.positions + moved, travelled)
             length = np.linalg.norm(away, axis=1)
             rows.append(
@@ -171,8 +170,8 @@ def test_rings_carry_the_weight_in_equilibrium(pressed: "Simulation") -> None:
         pressed.advance(149)
         sample = pressed.sample_step()
         errors.append(sample.energy_error)
-    assert sample.striker_force == pytest.approx(weight, rel=1e-6)
-    assert sample.ring_force == pytest.approx(weight, rel=1e-6)
+    assert sample.observed["striker_force_n"] == pytest.approx(weight, rel=1e-6)
+    assert sample.observed["ring_force_n"] == pytest.approx(weight, rel=1e-6)
     assert max(errors) < 1e-5  # with damping and contact both at work
 
 
@@ -197,9 +196,10 @@ def test_a_pressed_node_does_not_slip_and_a_lifted_one_is_free(pressed: "Simulat
 
 def test_impulses_of_contact_and_damping_change_the_momentum(pressed: "Simulation") -> None:
     """Along z, step by step, while the plate still moves; damping acts on the mean velocity."""
-    from taichi_ldem.solver.contact import IMPULSE
+    from taichi_ldem.solver.contact.kernels.body import IMPULSE
 
-    s = restart(pressed)
+    s = pressed
+    s.reset(s.scene)
     body = Body(s.dynamics.lattice.mask, SPACING)
     mass = MODULE_MASS * body.mass_shares
 
@@ -236,11 +236,11 @@ def test_several_steps_a_launch_are_the_same_steps(taichi: None) -> None:
         simulation = Simulation(scene, in_strips)
         simulation.advance(STEPS_BETWEEN_LISTS + STEPS_A_LAUNCH + 1)
         sample = simulation.sample_step()
-        ends.append((simulation.displacement(), simulation.striker.motion(), sample))
+        ends.append((simulation.displacement(), simulation.body("striker").motion(), sample))
     np.testing.assert_array_equal(ends[0][0], ends[1][0])
     assert ends[0][1] == ends[1][1]
-    assert ends[0][2].striker_force == ends[1][2].striker_force > 1
-    assert ends[0][2].ring_force == ends[1][2].ring_force
+    assert ends[0][2].observed["striker_force_n"] == ends[1][2].observed["striker_force_n"] > 1
+    assert ends[0][2].observed["ring_force_n"] == ends[1][2].observed["ring_force_n"]
     for one, two in zip(*(vars(end[2].ledger).values() for end in ends), strict=True):
         assert one == pytest.approx(two, rel=1e-13)  # summed in another order
 
@@ -250,13 +250,13 @@ def test_several_steps_a_launch_are_the_same_steps(taichi: None) -> None:
 
 @pytest.mark.parametrize("modules", [3, 4, 6])
 def test_bonded_rings_hold_both_faces_in_either_precision(modules: int) -> None:
-    from taichi_ldem.solver.contact import Rings
+    from taichi_ldem.solver.contact.kernels.rings import fixed_nodes
 
     lattice = Lattice(prism(10, 10, modules), 3.2e-3 / modules)
     rounded = float(np.float32(lattice.spacing))  # what f32 computes with
     numbers = (2 * lattice.spacing, 4 * lattice.spacing, modules * rounded)
     dynamics = SimpleNamespace(lattice=lattice, spacing=rounded)
-    fixed = Rings._fixed(dynamics, numbers, through=False)  # type: ignore[arg-type]
+    fixed = fixed_nodes(dynamics, numbers, through=False)  # type: ignore[arg-type]
     z = lattice.positions()[..., 2].ravel()[fixed]
     below, above = np.count_nonzero(z == 0.0), np.count_nonzero(z > 3.1e-3)
     # corners with 4 <= i^2 + j^2 <= 16: 49 - 9 points of the plane's integers within 4, 1 of 2
@@ -291,10 +291,10 @@ def test_bonded_nodes_stay_and_take_what_the_striker_gives(taichi: None) -> None
     # sample's force is the impulse since the last one, up to half a step after its time
     end = samples[-1].time + 0.5 * simulation.time_step
     spans = np.diff([s.time for s in samples], prepend=-simulation.time_step)
-    taken = sum(s.ring_force * span for s, span in zip(samples, spans, strict=True))
+    taken = sum(s.observed["ring_force_n"] * span for s, span in zip(samples, spans, strict=True))
     velocity = simulation.dynamics.get_velocity()[body.index]
     plate = -(MODULE_MASS * body.mass_shares * velocity[:, 2]).sum()
-    striker = mass * simulation.striker.motion()[2]
+    striker = mass * simulation.body("striker").motion()[2]
     assert plate + striker == pytest.approx(mass * (speed + gravity * end) - taken, rel=1e-10)
     assert taken > 0.1 * mass * speed
     assert max(s.energy_error for s in samples) < 1e-4

@@ -186,8 +186,8 @@ def test_what_a_scene_leaves_out_is_not_there(elastic: "Simulation") -> None:
     fields = elastic.field_bytes()
     for name in ("peak", "touched", "recorded", "removed", "damped", "softening", *UNEVEN):
         assert name not in fields
-    assert elastic.striker is None
-    assert elastic.rings is None
+    assert elastic.body("striker") is None
+    assert elastic.body("rings") is None
 
 
 @pytest.mark.parametrize("law", [None, "bilinear"])

@@ -46,7 +46,7 @@ def test_energy_of_a_free_body_does_not_drift(elastic: "Simulation", body: Body)
 
 
 def test_ledger_balance() -> None:
-    start = Ledger(kinetic_striker=2.0)
+    start = Ledger(kinetic_bodies=2.0)
     later = Ledger(0.25, 1.0, 0.5, 0.125, 0.0625, 0.03125, external=0.25)
     # 2 J and 0.25 J from outside became 0.25 + 1 + 0.5 + 0.125 + 0.0625 + 0.03125 J
     assert later.imbalance(start) == 1.96875 - 2.25

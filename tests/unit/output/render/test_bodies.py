@@ -38,10 +38,10 @@ def test_the_striker_stands_where_the_history_says(cracked, shape, across):
 
 def test_the_clamp_is_circles_from_above_and_places_from_the_side(cracked):
     drawn, centre = bodies(cracked, 0.0), np.zeros(3)
-    above = drawn.clamp_lines(rotation_of(0.0, 90.0), centre)
+    above = drawn.circles(rotation_of(0.0, 90.0), centre)
     assert [np.linalg.norm(c, axis=1).max() for c in above] == pytest.approx([0.038, 0.045])
-    side = drawn.clamp_lines(rotation_of(0.0, 0.0), centre)
+    side = drawn.circles(rotation_of(0.0, 0.0), centre)
     assert sorted({float(abs(x)) for line in side for x in line[:, 0]}) == [0.038, 0.045]
     assert sorted({float(z) for line in side for z in line[:, 1]}) == pytest.approx([0.0, 3.2e-3])
-    outline = drawn.outline(rotation_of(180.0, -90.0), centre)
+    (outline,) = drawn.outlines(rotation_of(180.0, -90.0), centre)
     np.testing.assert_allclose(np.linalg.norm(outline, axis=1), 6.35e-3, rtol=1e-9)

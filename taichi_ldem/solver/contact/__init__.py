@@ -1,0 +1,37 @@
+"""Rigid bodies against the lattice: the striker, the clamp, the grips and the supports.
+
+A body is a declaration in this package (what it is called, which table of the scene it reads, what
+it adds to the history, how it is drawn), which imports no Taichi, and its kernels in ``kernels``.
+The tuple below is the only list of the bodies: simulation, history and pictures loop over it.
+"""
+
+from taichi_ldem.scene import Scene
+from taichi_ldem.solver.contact.declaration import Body, Observable
+from taichi_ldem.solver.contact.grips import GRIPS
+from taichi_ldem.solver.contact.rings import RINGS
+from taichi_ldem.solver.contact.striker import STRIKER
+from taichi_ldem.solver.contact.supports import SUPPORTS
+
+__all__ = ["BODIES", "Body", "Observable", "bodies_of", "in_order_of_resolving", "observables"]
+
+BODIES: tuple[Body, ...] = (STRIKER, RINGS, GRIPS, SUPPORTS)
+"""All bodies, in the order of their columns in the history and of their impulses in a checkpoint.
+"""
+
+
+def bodies_of(scene: Scene) -> list[Body]:
+    """The bodies that a scene has, in the order of ``BODIES``."""
+    return [body for body in BODIES if body.table(scene) is not None]
+
+
+def in_order_of_resolving() -> list[Body]:
+    """All bodies in the order in which a step resolves them and a sample adds them up.
+
+    A body that holds the plate comes before those that move it.
+    """
+    return sorted(BODIES, key=lambda body: not body.holds)
+
+
+def observables(*, energy: bool) -> list[Observable]:
+    """The observables of all bodies that are, or are not, terms of the energy balance."""
+    return [o for body in BODIES for o in body.observables if o.energy == energy]

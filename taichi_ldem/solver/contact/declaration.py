@@ -1,0 +1,81 @@
+"""What every body declares. No Taichi is imported here: a run's reader needs the names alone."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from taichi_ldem.scene import Scene
+from taichi_ldem.solver.contact.drawing import Drawing, Floats
+
+if TYPE_CHECKING:
+    from taichi_ldem.solver.contact.kernels.body import RigidBody
+    from taichi_ldem.solver.dynamics import Dynamics
+
+
+@dataclass(frozen=True)
+class Observable:
+    """A number that a body adds to every row of the history.
+
+    Attributes:
+        column: its name in ``history.csv``, which ends in the unit.
+        label: what it is, in words. unit: SI unit. sign: what a positive value means.
+        energy: whether it is a term of the energy balance.
+    """
+
+    column: str
+    label: str
+    unit: str
+    sign: str = ""
+    energy: bool = False
+
+
+class Body:
+    """The declaration of a rigid body.
+
+    Attributes:
+        name: of the body, in a checkpoint too.
+        absent: how ``ldem info`` names the contact that a scene without the body leaves out.
+        observables: in the order of the history's columns and of ``RigidBody.observe``.
+        holds: whether the body holds the plate; such bodies are resolved first.
+        dissipates: whether the body's contact may take energy, the history's ``contact_j``.
+        force: column of the force that a run's progress shows, if the body has one.
+    """
+
+    name: ClassVar[str]
+    absent: ClassVar[str]
+    observables: ClassVar[tuple[Observable, ...]] = ()
+    holds: ClassVar[bool] = False
+    dissipates: ClassVar[bool] = True
+    force: ClassVar[str | None] = None
+
+    def table(self, scene: Scene) -> Any:
+        """The scene's table of the body; None where the scene has no such body."""
+        raise NotImplementedError
+
+    def works(self, scene: Scene) -> bool:
+        """Whether work is done on the body from outside, the history's ``external_j``."""
+        return False
+
+    def kernels(self) -> "type[RigidBody]":
+        """The body's class of kernels, imported when it is needed; Taichi must be running."""
+        raise NotImplementedError
+
+    def build(self, dynamics: "Dynamics", scene: Scene, time_step: float) -> "RigidBody | None":
+        """The body on a lattice at t = 0; None where the scene has no such body.
+
+        Raises:
+            SceneError: the body has no place on this plate.
+        """
+        if self.table(scene) is None:
+            return None
+        body = self.kernels()(dynamics, scene, time_step)  # type: ignore[call-arg, arg-type]
+        body.name = self.name
+        return body
+
+    def warnings(self, history: list[dict[str, Any]]) -> list[str]:
+        """Lines about a finished run that its reader should know, from the history's rows."""
+        return []
+
+    def drawing(self, scene: Scene, history: Mapping[str, Floats], time: float) -> Drawing | None:
+        """How the body is drawn at a time (s) of a run's history; None where it is not."""
+        return None

@@ -1,0 +1,382 @@
+"""What every rigid body has in common: its list of nearby nodes, its sums, and how it moves a node.
+
+The contact is kinematic (hard, no penalty stiffness): a node that its free flight would carry into
+a rigid body is put on the body's surface at the end of the same step, and the impulse that this
+takes acts back on the body. A node therefore never penetrates by more than rounding, no stiffness
+has to be chosen, and the critical time step is not lowered (a constraint cannot raise the highest
+frequency). Momentum along z is conserved; a node that strikes a body sticks to it inelastically,
+and the energy lost that way is accumulated, so the ledger closes.
+
+Only nodes near a body are visited. They are listed anew every few steps, in ascending order, from
+positions and speeds, on the device, without waiting for the host. Impulses and works are summed
+over chunks of the list, then over the chunks, one after the other in f64, so the results do not
+depend on the number of threads. On a GPU, where one thread is slow, a body at rest accumulates its
+chunks' sums over the steps and adds them up only for a sample.
+
+Discrete energy: with kinetic energy 1/2 v(n-1/2) M v(n+1/2), a force F at t_n does the work
+dt F (v(n-1/2) + v(n+1/2)) / 2, one half before t_n and one half after. The two halves are kept
+apart, so that the ledger is exact at the sampled time itself.
+"""
+
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+import taichi as ti
+
+from taichi_ldem.solver.contact.kernels.nearby import NearbyNodes, vec3d
+from taichi_ldem.solver.dynamics import Dynamics, field_apart
+
+if TYPE_CHECKING:
+    from taichi_ldem.scene import Scene
+
+CHUNK = 8
+"""Nodes summed at a time: few, because Taichi gives a CPU thread at least 512 turns of a loop."""
+
+SLACK = 1e-3
+"""Share of a module by which rounding may put a node inside a body or behind a ring."""
+
+GROUP = 64
+"""Chunks whose sums one thread of a GPU adds up."""
+
+# the entries of ``sums``
+IMPULSE, PLATE_BEFORE, LOSS_BEFORE, LOSS_AFTER = range(4)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What a scene makes of a body before any of its fields exist.
+
+    Attributes:
+        numbers: what describes the body, f64, SI units; another value compiles nothing anew.
+        capacity: nodes that its list has room for.
+        kind: choices that are compiled into its kernels.
+        nodes: (n,) node numbers listed from the start, flat over (2, *S).
+    """
+
+    numbers: Sequence[float]
+    capacity: int
+    kind: Hashable = None
+    nodes: npt.NDArray[np.int32] | None = None
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a sample reads of a body, at the time t_n of the sample.
+
+    Attributes:
+        impulse: on the plate since the start, N s (``RigidBody.component`` says along what).
+        plate_before: half-step work on the plate before t_n, J.
+        lost: energy lost in the contact until t_n, J.
+        displacement: of the body, m; 0 for one at rest.
+        velocity_before, velocity_after: of the body half a step before and after t_n, m/s.
+    """
+
+    impulse: float
+    plate_before: float
+    lost: float
+    displacement: float
+    velocity_before: float
+    velocity_after: float
+
+
+@dataclass(frozen=True)
+class Energies:
+    """A body's terms of the energy ledger, J.
+
+    Attributes:
+        kinetic: of the body. contact: lost in its contact. external: work done from outside.
+    """
+
+    kinetic: float = 0
+    contact: float = 0
+    external: float = 0
+
+
+@ti.data_oriented
+class RigidBody(NearbyNodes):
+    """A rigid body: its sums, and how it moves a node.
+
+    Attributes:
+        name: of the body's declaration.
+        numbers: what describes the body, f64, SI units.
+        chunk_sums: (chunks,) 4-vectors in f64.
+        group_sums: (groups,) 4-vectors in f64, on a GPU.
+        sums: (4,) f64 since the start: impulse on the plate along z (N s); half-step work on the
+            plate in the latest step (J); energy lost before and after the latest sample time (J).
+    """
+
+    name = ""
+
+    needs_sums: ClassVar[bool] = False
+    """Whether the body's own motion needs the chunks' sums in every step."""
+
+    state: Any = None
+    """The field of what moves about the body itself, if anything does."""
+
+    def __init__(self, dynamics: Dynamics, layout: Layout):
+        super().__init__(dynamics, layout.capacity)
+        self.layout = layout
+        self.numbers = field_apart(ti.f64, len(layout.numbers))
+        self.chunk_sums = field_apart(ti.f64, self.capacity // CHUNK + 1, 4)
+        self.sums = field_apart(ti.f64, 4)
+        self.accumulates = not (dynamics.on_cpu or self.needs_sums)
+        if self.accumulates:
+            self.group_sums = field_apart(ti.f64, self.chunk_sums.shape[0] // GROUP + 1, 4)
+        self._fill(layout)
+
+    def _fill(self, layout: Layout) -> None:
+        self.numbers.from_numpy(np.array(layout.numbers, dtype=np.float64))
+        if layout.nodes is not None:
+            self.set_nodes(layout.nodes)
+
+    # -- on the host
+    # -------------------------------------------------------------------------------------
+
+    @classmethod
+    def layout_of(cls, dynamics: Dynamics, scene: "Scene") -> Layout:
+        """The body's layout in a scene; each body's own.
+
+        Raises:
+            SceneError: the body has no place on this plate.
+        """
+        raise NotImplementedError
+
+    def start(self, scene: "Scene", time_step: float) -> None:
+        """Set the body's own motion at t = 0; each body's own."""
+
+    def reset(self, scene: "Scene", time_step: float) -> None:
+        """Put the body back to t = 0 with the numbers of another scene.
+
+        Raises:
+            ValueError: the scene needs other kernels or a longer list of nodes.
+            SceneError: the body has no place on this plate.
+        """
+        layout = self.layout_of(self.dynamics, scene)
+        if layout.kind != self.layout.kind:
+            raise ValueError(
+                f"{self.name}: {layout.kind} needs other kernels than {self.layout.kind}"
+            )
+        if layout.capacity > self.capacity:
+            raise ValueError(
+                f"{self.name}: needs room for {layout.capacity} nodes near it and was built for "
+                f"{self.capacity}"
+            )
+        self.layout = layout
+        for field in (self.sums, self.chunk_sums, self.count):
+            field.fill(0)
+        self._fill(layout)
+        self.start(scene, time_step)
+
+    def observe(self, reading: Reading, force: float, time: float, now: int) -> tuple[Any, ...]:
+        """The values of the body's observables at a sample, in the order of its declaration.
+
+        Args:
+            force: impulse over the time since the last sample, N.
+            time: of the sample, s.
+            now: buffer of the displacement at that time.
+        """
+        return (force,)
+
+    def energies(self, reading: Reading) -> Energies:
+        """The body's terms of the ledger at a sample."""
+        return Energies(contact=reading.lost)
+
+    def kernel_names(self) -> list[str]:
+        """Names of the kernels that a run of the body compiles."""
+        return [f"contact: {self.name}"] + [f"nodes near: {self.name}"] * self.listed_anew
+
+    def fields(self) -> dict[str, ti.Field]:
+        """All fields of the body by name, ``part.field``."""
+        own = vars(self).items()
+        return {f"{self.name}.{name}": value for name, value in own if isinstance(value, ti.Field)}
+
+    def saved_state(self) -> dict[str, npt.NDArray]:
+        """Copies of what the next step starts from: list, velocities, sums, the body's motion."""
+        own = {} if self.state is None else {"state": self.state.to_numpy()}
+        if self.accumulates:
+            own["chunks"] = self.chunk_sums.to_numpy()
+        nodes = self.listed()
+        before = self.before.to_numpy()[: len(nodes)]
+        return own | {"sums": self.sums.to_numpy(), "nodes": nodes, "before": before}
+
+    def restore_state(self, saved: Mapping[str, npt.NDArray]) -> None:
+        """Continue from ``saved_state``.
+
+        Raises:
+            ValueError: the list of nodes does not belong to this body.
+        """
+        nodes, before = saved["nodes"], saved["before"]
+        inside = not len(nodes) or (nodes.min() >= 0 and nodes.max() < self._node_numbers())
+        if len(nodes) > self.capacity or len(before) != len(nodes) or not inside:
+            raise ValueError("a rigid body's list of nodes is of another lattice")
+        self.set_nodes(nodes)
+        padded = np.zeros((self.capacity, 3), dtype=before.dtype)
+        padded[: len(before)] = before
+        self.before.from_numpy(padded)
+        self.sums.from_numpy(saved["sums"])
+        if self.state is not None:
+            self.state.from_numpy(saved["state"])
+        if self.accumulates:
+            self.chunk_sums.from_numpy(saved["chunks"])
+
+    def collected(self) -> npt.NDArray[np.float64]:
+        """(4,) the sums (see ``sums``)."""
+        if self.accumulates:
+            self._add_up()
+        return self.sums.to_numpy()
+
+    # -- a node's place and motion
+    # -------------------------------------------------------------------------------------
+
+    @ti.func
+    def component(self, impulse):
+        """Component of an impulse that the body's sums count: along z, unless overridden."""
+        return impulse.z
+
+    @ti.func
+    def inertia(self, s, k, j, i, time_step, damping):
+        """Impulse that changes a node's velocity at the end of a step, over that change, kg.
+
+        It is the node's mass and half of a step's damping, which acts on the mean of both
+        velocities.
+        """
+        mass = ti.cast(self.dynamics.node_mass(s, k, j, i), ti.f64)
+        if ti.static(self.dynamics.features.damping):
+            mass *= 1 + 0.5 * ti.cast(damping, ti.f64) * ti.cast(time_step, ti.f64)
+        return mass
+
+    @ti.func
+    def put(self, number, s, k, j, i, now, time_step, damping, displacement):
+        """Move a node to a displacement (f64); return impulse (``component``) and both works."""
+        old = ti.cast(self.dynamics.node_displacement(now, s, k, j, i), ti.f64)
+        free = ti.cast(self.dynamics.node_velocity(s, k, j, i), ti.f64)
+        velocity = (displacement - old) / ti.cast(time_step, ti.f64)
+        impulse = self.inertia(s, k, j, i, time_step, damping) * (velocity - free)
+        self.dynamics.put_node(
+            1 - now, s, k, j, i, ti.cast(displacement, float), ti.cast(velocity, float)
+        )
+        before = ti.cast(self.before[number], ti.f64)
+        if ti.static(self.dynamics.features.damping):
+            # the loss by damping was booked for the free flight, with its velocity
+            mean = 0.25 * ti.cast(2 * before + free + velocity, float)
+            drag = damping * self.dynamics.node_mass(s, k, j, i) * mean
+            path = ti.cast(time_step * (velocity - free), float)
+            self.dynamics.add_damped(s, k, j, i, drag.dot(path))
+        works = 0.5 * impulse.dot(before), 0.5 * impulse.dot(velocity)
+        return vec3d(self.component(impulse), works[0], works[1])
+
+    # -- sums
+    # -------------------------------------------------------------------------------------
+
+    @ti.func
+    def chunks(self):
+        """Number of chunks of the list."""
+        return (self.count[0] + CHUNK - 1) // CHUNK
+
+    @ti.func
+    def turns(self):
+        """Turns of a loop over the chunks: on a GPU all that fit, known without asking it."""
+        turns = self.chunks()
+        if ti.static(not self.dynamics.on_cpu):
+            turns = self.chunk_sums.shape[0]
+        return turns
+
+    @ti.func
+    def chunk_end(self, chunk):
+        """Number after the last node of a chunk."""
+        return ti.min((chunk + 1) * CHUNK, self.count[0])
+
+    @ti.func
+    def total(self):
+        """Sum of the chunks' sums, in their order."""
+        total, chunks = ti.Vector.zero(ti.f64, 4), self.chunks()
+        for batch in range((chunks + self.batch - 1) // self.batch):
+            first = batch * self.batch
+            parts = [
+                self.chunk_sums[ti.min(first + n, chunks - 1)] for n in ti.static(range(self.batch))
+            ]
+            for n in ti.static(range(self.batch)):
+                if first + n < chunks:
+                    total += parts[n]
+        return total
+
+    @ti.func
+    def store_chunk(self, chunk, works):
+        """Store a chunk's impulse and both works of this step."""
+        if ti.static(self.accumulates):
+            kept = self.chunk_sums[chunk]
+            self.chunk_sums[chunk] = ti.Vector(
+                [kept[0] + works[0], works[1], kept[2] + works[1], kept[3] + works[2]], ti.f64
+            )
+        else:
+            self.chunk_sums[chunk] = ti.Vector([works[0], works[1], works[2], 0.0], ti.f64)
+
+    @ti.func
+    def book_chunks(self):
+        """Book what the chunks have stored, for a body that nothing moves."""
+        if ti.static(not self.accumulates):
+            ti.loop_config(serialize=True)
+            for _ in range(1):
+                total = self.total()
+                self.book(total[0], total[1], total[1], total[2])
+
+    @ti.func
+    def forget_unlisted(self):
+        """Drop the work of the latest step that chunks keep for nodes that are no longer listed."""
+        if ti.static(self.accumulates):
+            for chunk in range(self.turns()):
+                if chunk >= self.chunks():
+                    self.chunk_sums[chunk][1] = 0.0
+
+    @ti.func
+    def add_up(self):
+        """Book what chunks have accumulated since the last time."""
+        if ti.static(self.accumulates):
+            for group in range(self.group_sums.shape[0]):
+                total = ti.Vector.zero(ti.f64, 4)
+                for chunk in range(group * GROUP, ti.min((group + 1) * GROUP, self.turns())):
+                    kept = self.chunk_sums[chunk]
+                    total += kept
+                    self.chunk_sums[chunk] = ti.Vector([0.0, kept[1], 0.0, 0.0], ti.f64)
+                self.group_sums[group] = total
+            ti.loop_config(serialize=True)
+            for _ in range(1):
+                total = ti.Vector.zero(ti.f64, 4)
+                for group in range(self.group_sums.shape[0]):
+                    total += self.group_sums[group]
+                self.book(total[0], total[1], total[2], total[3])
+
+    @ti.kernel
+    def _add_up(self):
+        self.add_up()
+
+    @ti.func
+    def book(self, impulse, plate_before, before, after):
+        """Add a step's impulse on the plate and works on all that touches to the sums.
+
+        Written out: ``+=`` on a field is an atomic, which not every backend has in f64.
+        """
+        self.sums[IMPULSE] = self.sums[IMPULSE] + impulse
+        self.sums[PLATE_BEFORE] = plate_before
+        self.sums[LOSS_BEFORE] = self.sums[LOSS_BEFORE] - before
+        self.sums[LOSS_AFTER] = self.sums[LOSS_AFTER] - after
+
+    # -- the body's motion
+    # -------------------------------------------------------------------------------------
+
+    @ti.func
+    def resolve(self, now, spacing, time_step, damping):
+        """Move the nodes that the body does not let go where they fly; each body's own."""
+
+    @ti.func
+    def displacement_before(self):
+        """The body's displacement at the start of the step, m; 0 for one that does not move."""
+        return ti.cast(0.0, ti.f64)
+
+    @ti.func
+    def velocities(self):
+        """Velocities of the body in the last two half steps, m/s."""
+        return ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)

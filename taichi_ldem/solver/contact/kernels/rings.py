@@ -1,0 +1,134 @@
+"""The clamp: rigid rings on both faces of the plate, or nodes that are fixed for good."""
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+import taichi as ti
+
+from taichi_ldem.errors import SceneError
+from taichi_ldem.solver.contact.kernels.body import CHUNK, SLACK, Layout, RigidBody
+from taichi_ldem.solver.contact.kernels.nearby import vec3d
+from taichi_ldem.solver.dynamics import Dynamics
+
+if TYPE_CHECKING:
+    from taichi_ldem.scene import Scene
+
+# the entries of ``numbers``
+INNER, OUTER, HEIGHT = range(3)
+
+
+def fixed_nodes(
+    dynamics: Dynamics, numbers: Sequence[float], *, through: bool
+) -> npt.NDArray[np.int32]:
+    """Nodes between the circles: on both faces, or ``through`` the whole thickness.
+
+    Chosen by the lattice's own places: rounded as f32 has them, a face may lie off its ring by more
+    than any slack.
+    """
+    inner, outer, _ = numbers
+    position = dynamics.lattice.positions()
+    spacing = dynamics.lattice.spacing
+    height = dynamics.lattice.modules[2] * spacing
+    radius = np.hypot(position[..., 0], position[..., 1])
+    slack = 1e-9 * spacing
+    held = dynamics.lattice.exists()
+    held &= (radius >= inner - slack) & (radius <= outer + slack)
+    if not through:
+        z = position[..., 2]
+        held &= (z < slack) | (z > height - slack)
+    return np.flatnonzero(held).astype(np.int32)
+
+
+@ti.data_oriented
+class Rings(RigidBody):
+    """What holds the plate: rigid rings on both faces, or nodes fixed for good.
+
+    Rings: a node between the two circles that would cross the plane of a face stays on it, without
+    slip, for as long as it is pressed against it; it separates freely. A node that gets beyond a
+    face's plane through the opening does not touch the ring. Bonded, rim: listed nodes never move.
+    """
+
+    def __init__(self, dynamics: Dynamics, scene: "Scene", time_step: float):
+        layout = self.layout_of(dynamics, scene)
+        self.listed_anew = layout.kind == "rings"
+        super().__init__(dynamics, layout)
+
+    @classmethod
+    def layout_of(cls, dynamics: Dynamics, scene: "Scene") -> Layout:
+        """The layout of the scene's clamp.
+
+        Raises:
+            SceneError: the clamp holds no node.
+        """
+        clamp = scene.clamp
+        assert clamp is not None
+        assert clamp.inner_diameter is not None  # the scene refuses other clamps without it
+        outer = clamp.outer_diameter if clamp.kind != "rim" else None
+        numbers = (
+            0.5 * clamp.inner_diameter,
+            0.5 * outer if outer is not None else math.inf,
+            scene.plate.modules_through_thickness * dynamics.spacing,
+        )
+        fixed = fixed_nodes(dynamics, numbers, through=clamp.kind == "rim")
+        if len(fixed) == 0:
+            raise SceneError(
+                f"clamp.inner_diameter = {clamp.inner_diameter}: the clamp holds no node"
+            )
+        if clamp.kind != "rings":
+            return Layout(numbers, len(fixed), "fixed nodes", fixed)
+        # separating rings: as many nodes as are between the circles through the whole thickness,
+        # and on a small plate all, which fast debris may bring near
+        nodes = int(np.count_nonzero(dynamics.lattice.exists()))
+        through = max(len(fixed) * dynamics.sites[0], 10_000)
+        return Layout(numbers, min(through, nodes), "rings", fixed)
+
+    @ti.func
+    def near(self, position, margin):
+        """Whether a point is within a margin of a ring's plane."""
+        close = False
+        if (position.z < margin) | (position.z > self.numbers[HEIGHT] - margin):
+            radius = ti.sqrt(position.x**2 + position.y**2)
+            close = radius >= self.numbers[INNER] - margin
+            close &= radius <= self.numbers[OUTER] + margin
+        return close
+
+    @ti.func
+    def held_at(self, s, k, j, i, now, spacing):
+        """Whether a ring holds a node at the end of the step, and its displacement then."""
+        old = ti.cast(self.dynamics.node_displacement(now, s, k, j, i), ti.f64)
+        new = ti.cast(self.dynamics.node_displacement(1 - now, s, k, j, i), ti.f64)
+        rest = self.rest_position(s, k, j, i, spacing)
+        slack = SLACK * spacing
+        below, above = rest.z, rest.z - self.numbers[HEIGHT]
+        held = False
+        if above + new.z > 0 or below + new.z < 0:
+            radius = ti.sqrt((rest.x + old.x) ** 2 + (rest.y + old.y) ** 2)
+            if radius >= self.numbers[INNER] and radius <= self.numbers[OUTER]:
+                if above + new.z > 0 and above + old.z <= slack:
+                    held, old.z = True, -above
+                elif below + new.z < 0 and below + old.z >= -slack:
+                    held, old.z = True, -below
+        return held, old
+
+    @ti.func
+    def resolve(self, now, spacing, time_step, damping):
+        """Hold the nodes that press against a ring, or the fixed ones, where they were."""
+        for chunk in range(self.turns()):
+            works = vec3d(0.0, 0.0, 0.0)
+            for number in range(chunk * CHUNK, self.chunk_end(chunk)):
+                s, k, j, i = self.site_of(number)
+                held, target = (
+                    True,
+                    ti.cast(self.dynamics.node_displacement(now, s, k, j, i), ti.f64),
+                )
+                if ti.static(self.listed_anew):
+                    held, target = self.held_at(s, k, j, i, now, spacing)
+                if held:
+                    works += self.put(number, s, k, j, i, now, time_step, damping, target)
+                self.before[number] = self.dynamics.node_velocity(s, k, j, i)
+            if chunk < self.chunks():
+                self.store_chunk(chunk, works)
+        self.book_chunks()

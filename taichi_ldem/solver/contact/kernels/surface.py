@@ -1,0 +1,88 @@
+"""Frictionless bodies: what a striker and the cylinders of a support share."""
+
+import taichi as ti
+
+from taichi_ldem.model.lattice import Lattice
+from taichi_ldem.solver.contact.kernels.body import CHUNK, SLACK, RigidBody
+from taichi_ldem.solver.contact.kernels.nearby import vec3d
+
+
+def list_capacity(lattice: Lattice, diameter: float, *, along_y: bool) -> int:
+    """Nodes that the list of a body of a diameter (m) has room for.
+
+    As many as in a column of twice its diameter and four thicknesses more; a cylinder along y has
+    them over the whole width. Never more than there are.
+    """
+    nx, ny, nz = lattice.modules
+    across = 2 * diameter / lattice.spacing + 4 * nz
+    plan = min(across, nx + 1) * (ny + 1) if along_y else max(across**2, 10_000)
+    return int(min(plan, (nx + 1) * (ny + 1)) * (2 * nz + 1))
+
+
+@ti.data_oriented
+class FrictionlessBody(RigidBody):
+    """A body that is given by the signed distance of a point to its surface.
+
+    A node that would get inside goes to the nearest place on the surface. Debris that other debris
+    drives may get in before the next list contains it: putting it back at once would give it energy
+    (half a module in a step is a kilometre a second). It is kept from getting deeper, and leaves
+    freely.
+    """
+
+    @ti.func
+    def surface(self, position, displacement):
+        """Signed distance of a point to the surface (m, negative inside) and the outward normal.
+
+        Args:
+            displacement: of the body, m.
+        """
+        return position.norm(), position
+
+    @ti.func
+    def displacement_after(self, time_step):
+        """The body's displacement at the end of the step, m; 0 for one that does not move."""
+        return ti.cast(0.0, ti.f64)
+
+    @ti.func
+    def near(self, position, margin):
+        """Whether a point is within a margin of the surface."""
+        distance, _ = self.surface(position, self.displacement_before())
+        return distance < margin
+
+    @ti.func
+    def overlap(self, number, now, spacing, displacement):
+        """How much deeper a listed node would be in the body, and the surface's normal there."""
+        s, k, j, i = self.site_of(number)
+        rest = self.rest_position(s, k, j, i, spacing)
+        new = ti.cast(self.dynamics.node_displacement(1 - now, s, k, j, i), ti.f64)
+        distance, normal = self.surface(rest + new, displacement)
+        depth = -distance
+        if depth > SLACK * spacing:
+            old = ti.cast(self.dynamics.node_displacement(now, s, k, j, i), ti.f64)
+            distance_before, _ = self.surface(rest + old, self.displacement_before())
+            before = -distance_before
+            if before > SLACK * spacing:
+                depth -= before
+        return depth, normal
+
+    @ti.func
+    def push_out(self, now, spacing, time_step, damping):
+        """Put every node that is inside the body on its surface and store the works by chunks.
+
+        Few nodes are near the body: on the CPU one thread is faster than waking the others.
+        """
+        ti.loop_config(serialize=self.dynamics.on_cpu)
+        for chunk in range(self.turns()):
+            works = vec3d(0.0, 0.0, 0.0)
+            displacement = self.displacement_after(time_step)
+            for number in range(chunk * CHUNK, self.chunk_end(chunk)):
+                s, k, j, i = self.site_of(number)
+                depth, normal = self.overlap(number, now, spacing, displacement)
+                if depth > 0:
+                    new = ti.cast(self.dynamics.node_displacement(1 - now, s, k, j, i), ti.f64)
+                    works += self.put(
+                        number, s, k, j, i, now, time_step, damping, new + depth * normal
+                    )
+                self.before[number] = self.dynamics.node_velocity(s, k, j, i)
+            if chunk < self.chunks():
+                self.store_chunk(chunk, works)

@@ -1,0 +1,148 @@
+"""Sampling of a simulation: energies and what is read of the bodies, in one small array."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from taichi_ldem.solver.contact import BODIES
+from taichi_ldem.solver.contact.kernels.body import (
+    IMPULSE,
+    LOSS_AFTER,
+    LOSS_BEFORE,
+    PLATE_BEFORE,
+    Reading,
+    RigidBody,
+)
+from taichi_ldem.solver.energy import EnergySums, Ledger
+from taichi_ldem.solver.state import field_apart
+
+LOST, POSITION = range(2)
+"""What is recorded of a body before a measured step: its losses after the last sample time before
+that step, and its displacement."""
+
+# what a sample reads of a rigid body: its sums, what was recorded of it before the step, its
+# velocities before and after the step, and the most nodes that were ever near
+SUMS, RECORDED, VELOCITIES, NEAR = 0, 4, 6, 8
+ENTRIES = NEAR + 1
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One row of the history.
+
+    Attributes:
+        time: s. step: its number.
+        ledger: energies at that time.
+        energy_error: imbalance over initial energy plus external work.
+        energy_error_of_plate: imbalance over what the plate was given.
+        broken_bars: so far.
+        observed: what the rigid bodies add, by the history's columns: see their declarations in
+            ``contact``. A force is an impulse over the time since the last sample.
+    """
+
+    time: float
+    step: int
+    ledger: Ledger
+    energy_error: float
+    energy_error_of_plate: float
+    broken_bars: int
+    observed: Mapping[str, Any]
+
+
+@ti.data_oriented
+class Sampler:
+    """Reads the sums of the plate and of the rigid bodies around a measured step.
+
+    Attributes:
+        recorded: (bodies, 2) f64: see ``LOST``.
+        impulses: of every body at the last sample, N s, by name; 0 for bodies that there are not.
+    """
+
+    def __init__(self, bodies: list[RigidBody], energies: EnergySums):
+        self.bodies, self.energies = bodies, energies
+        self.recorded = field_apart(ti.f64, (max(len(bodies), 1), 2))
+        self.start()
+
+    def start(self) -> None:
+        """Forget the last sample."""
+        self.impulses = dict.fromkeys((body.name for body in BODIES), 0.0)
+
+    @ti.kernel
+    def record(self):
+        """Record what a measured step goes on from."""
+        for n in ti.static(range(len(self.bodies))):
+            self.bodies[n].add_up()
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            for n in ti.static(range(len(self.bodies))):
+                self.recorded[n, LOST] = self.bodies[n].sums[LOSS_AFTER]
+                self.recorded[n, POSITION] = self.bodies[n].displacement_before()
+
+    @ti.kernel
+    def _collect(self, values: ti.types.ndarray()):
+        """Add up what a sample needs, into one small array."""
+        self.energies.add_up()
+        for n in ti.static(range(len(self.bodies))):
+            self.bodies[n].add_up()
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            total = self.energies.sums()
+            for n in ti.static(range(5)):
+                values[0, n] = total[n]
+            for n in ti.static(range(len(self.bodies))):
+                for m in ti.static(range(4)):
+                    values[1 + n, SUMS + m] = self.bodies[n].sums[m]
+                for m in ti.static(range(2)):
+                    values[1 + n, RECORDED + m] = self.recorded[n, m]
+                before, after = self.bodies[n].velocities()
+                values[1 + n, VELOCITIES] = before
+                values[1 + n, VELOCITIES + 1] = after
+                values[1 + n, NEAR] = self.bodies[n].count[1]
+
+    def collected(self) -> tuple[Any, list[Reading]]:
+        """(5,) sums of the plate (see ``EnergySums``), and what was read of every body.
+
+        Raises:
+            TooManyNodes: more nodes came near a body than its list holds.
+        """
+        values = np.zeros((len(self.bodies) + 1, ENTRIES))
+        self._collect(values)
+        readings = []
+        for body, row in zip(self.bodies, values[1:].tolist(), strict=True):
+            body.refuse_more(int(row[NEAR]))
+            recorded = row[RECORDED : RECORDED + 2]
+            readings.append(
+                Reading(
+                    impulse=row[IMPULSE],
+                    plate_before=row[PLATE_BEFORE],
+                    lost=recorded[LOST] + row[LOSS_BEFORE],
+                    displacement=recorded[POSITION],
+                    velocity_before=row[VELOCITIES],
+                    velocity_after=row[VELOCITIES + 1],
+                )
+            )
+        return values[0], readings
+
+    def observed(
+        self, readings: list[Reading], at: float, since: float, now: int
+    ) -> dict[str, Any]:
+        """Values that the bodies add to the history's row, by column.
+
+        Args:
+            readings: of all bodies. at: time of the sample, s.
+            since: time since the last sample, s. now: buffer of the displacement at the sample.
+        """
+        by_name = {body.name: (body, r) for body, r in zip(self.bodies, readings, strict=True)}
+        observed: dict[str, Any] = {}
+        for declared in BODIES:
+            if declared.name in by_name:
+                body, reading = by_name[declared.name]
+                force = (reading.impulse - self.impulses[body.name]) / since
+                self.impulses[body.name] = reading.impulse
+                values = body.observe(reading, force, at, now)
+                columns = (observable.column for observable in declared.observables)
+                observed |= dict(zip(columns, values, strict=True))
+        return observed
