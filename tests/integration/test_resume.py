@@ -67,11 +67,12 @@ def between():
         saved.append((simulation.step_number, len(rows), content))
 
 wanted = range(0, 10**6, 64)
+broken, force = [], []
 for sample in simulation.samples(between):
     rows.append(values(sample))
+    broken.append(sample.broken_bars)
+    force.append(sample.observed["striker_force_n"])
 whole = end(simulation)
-broken = [row[5] for row in rows]
-force = [row[3] for row in rows]
 assert broken[-1] > 20 and force[1] == 0 and max(force) > 1, (broken, force)
 
 kinds = set()

@@ -1,5 +1,6 @@
 """Tension tests that have a known answer: elastic constants, and what one flat crack costs."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,19 +12,21 @@ from studies.tension import EDGE, WEAK_SHARE, WEAK_STRAIN, weaken
 from taichi_ldem.model import material as mat
 from taichi_ldem.scenarios.runner import row
 from taichi_ldem.scenarios.tension import initial_slope, summary
+from taichi_ldem.storage.folder import RunFolder
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation
 
 ENDS = {"length": 0.55 * EDGE, "ramp": 5e-5, "lateral": "free"}  # the last nodes of both kinds
 G_F = 1034.0
+NO_FOLDER = RunFolder(Path("not written"))
 
 
 def _pull(simulation: "Simulation") -> tuple[dict[str, Any], list[dict[str, Any]]]:
     history = [
         row(s) | {"energy_error_of_plate": s.energy_error_of_plate} for s in simulation.samples()
     ]
-    return summary(simulation, history), history
+    return summary(simulation, history, NO_FOLDER), history
 
 
 def _elastic_prism(width: int, height: int, weights: bool) -> "Simulation":
@@ -77,7 +80,7 @@ def test_a_wide_prism_has_the_input_s_elastic_constants(taichi: None) -> None:
         if len(history) % 20 == 0 and sample.time > simulation.scene.grips.ramp:
             u, v = np.moveaxis(simulation.displacement_before()[0][inner], -1, 0)[:2]
             strains.append((np.polyfit(x[inner], u, 1)[0], np.polyfit(y[inner], v, 1)[0]))
-    numbers = summary(simulation, history)
+    numbers = summary(simulation, history, NO_FOLDER)
     assert numbers["youngs_modulus"] == pytest.approx(PMMA["youngs_modulus"], rel=5e-3)
     # between the sides a layer at either counts too: 1.7 % more than inside
     assert numbers["poisson_ratio"] == pytest.approx(_static(24, 24, True)[1], rel=5e-3)

@@ -4,7 +4,9 @@ import pytest
 
 from taichi_ldem.analysis.cracks import NO_CRACKS
 from taichi_ldem.analysis.quantities import NUMBERS, at_end, named, three_digits, unit_of
-from taichi_ldem.ensemble.results import IMPACT
+from taichi_ldem.scenarios.registry import SCENARIOS
+
+IMPACT = SCENARIOS["impact"].numbers
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from support.blocks import DAMAGE, block_scene
 from support.paths import CONFIGS
 
 from studies.leave_out import table
@@ -33,16 +34,27 @@ def test_a_free_vibration_needs_seven_tenths_of_an_impact_s_bytes() -> None:
 
 
 def test_kernels_are_those_of_the_features() -> None:
-    body, fixed = SimpleNamespace(moving=True), SimpleNamespace(moving=False)
-    none = dict.fromkeys(("striker", "rings", "grips", "supports", "gauge"))
+    def body(*names: str) -> SimpleNamespace:
+        return SimpleNamespace(kernel_names=lambda: list(names))
 
-    def of(damage: bool, **parts: SimpleNamespace) -> list[str]:
+    def of(damage: bool, *bodies: SimpleNamespace) -> list[str]:
         dynamics = SimpleNamespace(features=SimpleNamespace(damage=damage))
-        return kernels(SimpleNamespace(dynamics=dynamics, **none | parts))  # type: ignore[arg-type]
+        return kernels(SimpleNamespace(dynamics=dynamics, bodies=bodies))  # type: ignore[arg-type]
 
-    assert len(of(True, striker=body, rings=body)) == KERNELS_OF_EVERYTHING
-    assert of(False) == of(True)[:2]
-    assert len(of(False, rings=fixed)) == len(of(False, rings=body)) - 1
+    assert of(False) == ["step", "energies"]
+    assert of(True) == ["step", "energies", "broken bars"]
+    assert of(False, body("contact: a", "nodes near: a"), body("b"))[2:] == [
+        "contact: a",
+        "nodes near: a",
+        "b",
+    ]
+
+
+def test_a_scene_of_everything_compiles_the_number_of_kernels_that_is_printed(taichi: None) -> None:
+    from taichi_ldem.solver.simulation import Simulation
+
+    simulation = Simulation(everything(block_scene(12, 12, 2, material=DAMAGE)))
+    assert len(kernels(simulation)) == KERNELS_OF_EVERYTHING
 
 
 def test_the_table_gives_both_costs_and_their_shares() -> None:

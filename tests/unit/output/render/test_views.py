@@ -6,7 +6,7 @@ from support.modules import displaced
 
 from taichi_ldem.errors import SceneError
 from taichi_ldem.output.render.views import VIEWS, Shot, parse_section, view_of
-from taichi_ldem.storage.fields import _OWN_FILES
+from taichi_ldem.storage.folder import _OWN_FILES
 
 
 @pytest.mark.parametrize(
