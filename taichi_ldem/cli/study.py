@@ -29,7 +29,7 @@ def extremes(
     workers: Workers = 0,
 ) -> None:
     """Run stiff and extreme cases, each against what theory predicts."""
-    from taichi_ldem.studies.extremes import run
+    from taichi_ldem.studies.extremes.study import run
 
     raise typer.Exit(run(out, quick=quick, only=only or (), workers=workers))
 
