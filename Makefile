@@ -1,5 +1,5 @@
-# Each target sets up all that it needs; typing one twice costs nothing the second time.
-# `make impact PYTHON=python3.12` picks the interpreter of the environment.
+# Each target first sets up what it needs, if that is not there yet.
+# `make impact PYTHON=python3.12` chooses the interpreter of the environment.
 
 PYTHON ?= python3
 VENV := .venv
@@ -10,20 +10,21 @@ APT := [ "$$(id -u)" = 0 ] && as_root= || as_root="sudo -n"; \
 	apt() { $$as_root env DEBIAN_FRONTEND=noninteractive apt-get "$$@" >/dev/null 2>&1; }; \
 	apt_install() { apt update; apt install -y --no-install-recommends "$$@"; }
 
-# The first target: plain `make` runs the small plate.
+# `make` without a target runs the first one.
 .PHONY: impact help test slow wheel lock bench bench-check docs vulkan browser clean
 
-impact: $(VENV)/.run vulkan ## run a small plate to fracture, into outputs/impact_quick/
+impact: $(VENV)/.run vulkan ## crack a plate, into outputs/impact_quick/
 	$(BIN)/ldem impact configs/impact_quick.toml --force
 	@echo "Pictures:"; ls outputs/impact_quick/*.png
 
 help: ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "%-14s%s\n", $$1, $$2 }' Makefile
 
-test: $(VENV)/.dev vulkan browser ## linters, types and tests
+test: $(VENV)/.dev vulkan browser ## linters, types, layers and tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 # What takes minutes: fuzzing, kills, faults, installs.
@@ -82,7 +83,9 @@ $(VENV)/.made:
 		"$$python" -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' \
 			2>/dev/null && break; \
 	done; \
-	if [ "$$python" = none ]; then echo "No Python 3.10 to 3.13 found: install python3." >&2; exit 1; fi; \
+	if [ "$$python" = none ]; then \
+		echo "No Python 3.10 to 3.13 found (Taichi 1.7.4 has no wheel for 3.14): install one of them," \
+			"or name it: make PYTHON=/path/to/python3.13" >&2; exit 1; fi; \
 	if ! "$$python" -c 'import ensurepip, venv' 2>/dev/null; then \
 		$(APT); apt_install python3-venv "$$(basename "$$python")-venv" || apt_install python3-venv \
 			|| { echo "No venv module for $$python: install python3-venv." >&2; exit 1; }; \

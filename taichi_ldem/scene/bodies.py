@@ -11,26 +11,25 @@ NoseName = Annotated[str, BeforeValidator(OneOf(NOSE_NAMES))]
 
 
 class Striker(Table):
-    """Rigid nose on a shaft of the same diameter; moves along -z only, without friction.
+    """A rigid nose on a shaft of the same diameter. It moves along -z only and has no friction.
 
-    hemisphere: on a round shaft; cylinder: half of one with its axis along y, longer than the plate
-    is wide, on a flat shaft.
+    hemisphere: half a sphere on a round shaft; cylinder: half a cylinder on a flat shaft, with its
+    axis along y and longer than the plate is wide.
     """
 
-    shape: NoseName = Field(
-        default="hemisphere", description="of the nose; the cylinder's axis is along y"
-    )
-    diameter: Positive = Field(description="of nose and shaft, m")
-    mass: Positive = Field(description="kg")
-    velocity: NonNegative = Field(description="initial, towards the plate, m/s")
+    shape: NoseName = Field(default="hemisphere", description="shape of the nose")
+    diameter: Positive = Field(description="diameter of nose and shaft, m")
+    mass: Positive = Field(description="mass of the striker, kg")
+    velocity: NonNegative = Field(description="initial velocity towards the plate, m/s")
     gravity: NonNegative = Field(
-        default=0.0, description="acts on the striker, towards the plate, m/s2"
+        default=0.0, description="gravity that acts on the striker towards the plate, m/s2"
     )
     gap: NonNegative = Field(
-        default=0.0, description="between the tip and the top face at t = 0, m"
+        default=0.0, description="distance between the tip and the top face at t = 0, m"
     )
     position: tuple[Real, Real] = Field(
-        default=(0.0, 0.0), description="x, y from the plate's centre, m"
+        default=(0.0, 0.0),
+        description="coordinates x and y of the axis, from the plate's centre, m",
     )
 
 
@@ -44,11 +43,14 @@ class Clamp(Table):
     """
 
     kind: Literal["rings", "bonded", "rim", "free"] = Field(
-        description="rings that may separate; nodes of both faces between the circles fixed; all"
-        " nodes outside the inner circle fixed; not held"
+        description="how the plate is held, see above"
     )
-    inner_diameter: Positive | None = Field(default=None, description="m; not for kind = 'free'")
-    outer_diameter: Positive | None = Field(default=None, description="m; for 'rings' and 'bonded'")
+    inner_diameter: Positive | None = Field(
+        default=None, description="diameter of the inner circle, m; not for kind = 'free'"
+    )
+    outer_diameter: Positive | None = Field(
+        default=None, description="diameter of the outer circle, m; for 'rings' and 'bonded'"
+    )
 
     @model_validator(mode="after")
     def _check(self) -> "Clamp":
@@ -66,27 +68,27 @@ class Clamp(Table):
 
 
 class Grips(Table):
-    """What pulls a specimen apart along its long side: both ends move at prescribed speeds.
+    """Grips that pull a specimen apart along its long side at prescribed speeds.
 
-    All nodes within `length` of either end follow the grip. Its separation speed rises from zero
-    to `velocity` in the time `ramp` as 3 t^2 - 2 t^3.
+    All nodes within `length` of either end follow its grip. The speed of separation rises from
+    zero to `velocity` in the time `ramp` as 3 t^2 - 2 t^3.
     """
 
-    length: Positive = Field(description="of the specimen in each grip, m")
-    velocity: Positive = Field(description="at which the two grips move apart, m/s")
-    ramp: NonNegative = Field(description="time in which they reach it, s")
+    length: Positive = Field(description="length of the specimen in each grip, m")
+    velocity: Positive = Field(description="speed at which the two grips move apart, m/s")
+    ramp: NonNegative = Field(description="time in which the grips reach this speed, s")
     lateral: Literal["held", "free"] = Field(
-        default="held", description="whether nodes in the grips may move across the pull"
+        default="held", description="whether the grips hold their nodes across the pull"
     )
     gauge_length: Positive | None = Field(
         default=None,
-        description="of the middle part on which strains are measured, m;"
-        " default: half of the length between the grips",
+        description="length of the middle part on which strains are measured, m;"
+        " without it, half of the length between the grips",
     )
 
 
 class Supports(Table):
-    """Two fixed rigid cylinders under the plate, axes along y, at x = +-span/2; no friction."""
+    """Two fixed rigid cylinders under the plate at x = +-span/2, along y, without friction."""
 
-    span: Positive = Field(description="between the two axes, m")
-    diameter: Positive = Field(description="of both cylinders, m")
+    span: Positive = Field(description="distance between the axes of the two cylinders, m")
+    diameter: Positive = Field(description="diameter of both cylinders, m")

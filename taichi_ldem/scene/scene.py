@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from taichi_ldem.errors import SceneError
 from taichi_ldem.scene import checks, load, messages
@@ -31,7 +31,9 @@ ScenarioName = Annotated[str, BeforeValidator(OneOf(checks.SCENARIOS))]
 class Scene(Table):
     """A complete scene. A table that is left out (None) is a feature that is left out."""
 
-    scenario: ScenarioName
+    scenario: ScenarioName = Field(
+        description="test that the scene describes: the command that runs it and its summary"
+    )
     plate: Plate
     material: Material
     disorder: Disorder | None = None

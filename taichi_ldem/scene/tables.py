@@ -51,44 +51,52 @@ LawName = Annotated[str, BeforeValidator(OneOf(LAW_NAMES))]
 class Plate(Table):
     """The specimen: a prism of cubic modules of edge L = thickness / modules_through_thickness."""
 
-    size: tuple[Positive, Positive, Positive] = Field(description="sides x, y, z (thickness), m")
+    size: tuple[Positive, Positive, Positive] = Field(
+        description="sides of the plate along x, y and z (the thickness), m"
+    )
     modules_through_thickness: Annotated[int, Field(strict=True, ge=1, le=10_000)] = Field(
-        description="cubic modules along z; their edge L is size[2] over this number"
+        description="number of cubic modules along z; their edge L is size[2] over this number"
     )
     shape: Literal["rectangle", "disc", "dumbbell"] = Field(
-        default="rectangle", description="outline in the plane; 'dumbbell' lies along x"
+        default="rectangle", description="outline in the plane; a dumb-bell lies along x"
     )
     diameter: Positive | None = Field(
         default=None,
-        description="of the disc cut from the prism, centred, m; for shape = 'disc' only",
+        description="diameter of the disc that is cut from the middle of the prism, m; for shape ="
+        " 'disc' only",
     )
     narrow_width: Positive | None = Field(
-        default=None, description="of a dumb-bell in its middle, m; size[1] is that of its tabs"
+        default=None,
+        description="width of a dumb-bell's middle part, m; size[1] is the width of its tabs",
     )
     narrow_length: Positive | None = Field(
-        default=None, description="of a dumb-bell's part of constant width, m"
+        default=None, description="length of a dumb-bell's part of constant width, m"
     )
     fillet_radius: Positive | None = Field(
-        default=None, description="from a dumb-bell's narrow part to its tabs, m"
+        default=None,
+        description="radius of the fillets between a dumb-bell's middle part and its tabs, m",
     )
     angle: Literal[0, 45] = Field(
         default=0,
-        description="of the specimen's long side to the lattice's x axis, degrees; tension only",
+        description="angle between the specimen's long side and the lattice's x axis, degrees; for"
+        " scenario = 'tension' only",
     )
     surface_weights: Flag = Field(
         default=True,
-        description="bars on faces and edges of the prism carry 1/2 and 1/4; false: full bars",
+        description="whether bars on faces and edges of the prism carry 1/2 and 1/4 of a whole bar;"
+        " false: they are full bars",
     )
     stiffness: Literal["equation-2", "as-printed"] = Field(
         default="equation-2",
-        description="diagonal bars: 1.299 EA_l of Eq. (2), or the printed 0.5196 EA_l",
+        description="stiffness of diagonal bars: 1.299 EA_l by Eq. (2), or the printed 0.5196 EA_l",
     )
 
     perturbation: Annotated[Real, Field(ge=0, le=LARGEST_PERTURBATION)] = Field(
         default=0.0,
-        description="largest way of a node off the regular lattice, in module edges; random",
+        description="largest random displacement of a node from its place in the regular lattice,"
+        " in module edges",
     )
-    perturbation_seed: Seed = Field(default=0, description="of the nodes' ways")
+    perturbation_seed: Seed = Field(default=0, description="seed of these random displacements")
 
     @property
     def spacing(self) -> float:
@@ -191,27 +199,34 @@ class Plate(Table):
 
 
 class Material(Table):
-    """Elasticity and fracture. With `damage = false` the fracture keys may be left out or stay."""
+    """Elasticity and fracture. With `damage = false` the fracture keys are not needed."""
 
-    youngs_modulus: Positive = Field(description="E, Pa")
-    poisson_ratio: Annotated[Real, Field(lt=0.5), AfterValidator(_braced)]
-    density: Positive = Field(description="kg/m3")
-    fracture_energy: Positive | None = Field(default=None, description="G_f, J/m2")
+    youngs_modulus: Positive = Field(description="Young's modulus E, Pa")
+    poisson_ratio: Annotated[Real, Field(lt=0.5), AfterValidator(_braced)] = Field(
+        description="Poisson's ratio nu, above 0; the lattice is isotropic at 0.25 only"
+    )
+    density: Positive = Field(description="mass density, kg/m3")
+    fracture_energy: Positive | None = Field(default=None, description="fracture energy G_f, J/m2")
     failure_factor: Positive | None = Field(
-        default=None, description="R_f, m^-1/2, Eq. (9): eps_p = R_f sqrt(G_f / E)"
+        default=None,
+        description="failure factor R_f, m^-1/2, from which eps_p = R_f sqrt(G_f / E) (Eq. (9))",
     )
     failure_strain: Annotated[Real, Field(gt=0, lt=1)] | None = Field(
-        default=None, description="eps_p itself, instead of failure_factor"
+        default=None,
+        description="strain eps_p at the largest force of a bar, instead of failure_factor",
     )
     limit_strain: Positive | None = Field(
-        default=None, description="eps_r itself, instead of Eqs. (11), (12)"
+        default=None,
+        description="strain eps_r at which a bar fails, instead of that of Eqs. (11), (12)",
     )
     law: LawName = Field(
-        default="bilinear", description="softening: 'bilinear', 'exponential' or a registered one"
+        default="bilinear",
+        description="softening law of a bar; a law that a program registers also counts",
     )
-    damage: Flag = True
+    damage: Flag = Field(default=True, description="whether bars soften and fail")
     fracture_areas: Literal["derived", "paper"] = Field(
-        default="derived", description="which bar family has which fracture area, Eqs. (7), (8)"
+        default="derived",
+        description="fracture areas of the two bar families: derived, or printed in Eqs. (7), (8)",
     )
 
     @model_validator(mode="after")
@@ -249,24 +264,38 @@ Cv = Annotated[Real, Field(ge=0, le=LARGEST_CV)]
 class Disorder(Table):
     """Random material: Weibull fields around the means that [material] gives, Eqs. (14) to (17).
 
-    Of each property either the coefficient of variation or a list of measured values, to which the
-    Weibull shape is fitted (maximum likelihood; their mean is not used). A CV of 0 is no disorder.
+    Each property takes either its coefficient of variation (CV) or a list of measured values, to
+    which the Weibull shape is fitted by maximum likelihood; their mean is not used. A CV of 0 means
+    that the property does not vary.
     """
 
-    fracture_energy_cv: Cv | None = Field(default=None, description="of each bar's G_f")
-    youngs_modulus_cv: Cv | None = Field(default=None, description="of each bar's E")
-    density_cv: Cv | None = Field(default=None, description="of each module's density")
-    fracture_energy_data: tuple[Positive, ...] | None = Field(
-        default=None, description="measured values in one unit, instead of the CV"
+    fracture_energy_cv: Cv | None = Field(
+        default=None, description="coefficient of variation of each bar's G_f"
     )
-    youngs_modulus_data: tuple[Positive, ...] | None = Field(default=None, description="the same")
-    density_data: tuple[Positive, ...] | None = Field(default=None, description="the same")
+    youngs_modulus_cv: Cv | None = Field(
+        default=None, description="coefficient of variation of each bar's E"
+    )
+    density_cv: Cv | None = Field(
+        default=None, description="coefficient of variation of each module's density"
+    )
+    fracture_energy_data: tuple[Positive, ...] | None = Field(
+        default=None,
+        description="measured values of G_f in any one unit, instead of fracture_energy_cv",
+    )
+    youngs_modulus_data: tuple[Positive, ...] | None = Field(
+        default=None,
+        description="measured values of E in any one unit, instead of youngs_modulus_cv",
+    )
+    density_data: tuple[Positive, ...] | None = Field(
+        default=None,
+        description="measured values of the density in any one unit, instead of density_cv",
+    )
     correlation_length: NonNegative = Field(
         default=0.0,
-        description="at which the underlying Gaussian field's correlation is 1/e, m; 0: every bar"
-        " on its own, which depends on the module edge",
+        description="distance at which the correlation of the underlying Gaussian field is 1/e, m;"
+        " 0: bars vary independently of each other, so results depend on the module edge",
     )
-    seed: Seed = Field(default=0, description="of the random fields")
+    seed: Seed = Field(default=0, description="seed of the random fields")
 
     @model_validator(mode="after")
     def _check(self) -> "Disorder":
@@ -289,7 +318,7 @@ class Disorder(Table):
 
 
 class Pulse(Table):
-    """A wave that travels along an axis from t = 0 on: Gaussian in displacement, two probe planes.
+    """A wave that travels along an axis from t = 0 on. Its displacement is a Gaussian.
 
     longitudinal, shear: a plane wave over the whole section (shear moves along the next axis: y for
     x, z for y, x for z). bar: the fundamental longitudinal mode of a bar with free sides.
@@ -297,34 +326,46 @@ class Pulse(Table):
 
     axis: Axis = Field(description="direction of travel, towards larger coordinates")
     kind: Literal["longitudinal", "shear", "bar"] = Field(
-        default="longitudinal", description="plane waves, or the mode of a bar with free sides"
+        default="longitudinal",
+        description="kind of wave: a plane wave, or the mode of a bar with free sides",
     )
     wavelength: Positive = Field(
-        description="where the strain's spectrum peaks, m: 2 pi times the Gaussian's deviation"
+        description="wavelength at which the spectrum of the strain is largest, m; it is 2 pi times"
+        " the Gaussian's standard deviation"
     )
     amplitude: Annotated[Real, Field(gt=0, le=0.01)] = Field(
-        default=1e-6, description="largest strain along the axis"
+        default=1e-6, description="largest strain of the pulse along the axis"
     )
-    position: Real = Field(description="of its middle along the axis at t = 0, m")
-    probes: tuple[Real, Real] = Field(description="two positions along the axis, m")
+    position: Real = Field(description="position of the pulse's middle along the axis at t = 0, m")
+    probes: tuple[Real, Real] = Field(
+        description="positions along the axis at which the wave is recorded, m"
+    )
 
 
 class Solver(Table):
-    """Time integration and the machine."""
+    """Time integration, and the machine that it runs on."""
 
-    duration: Positive = Field(description="s")
+    duration: Positive = Field(description="simulated time, s")
     time_step: float | Literal["auto"] = Field(
-        default="auto", description="s, or 'auto': safety times the critical time step"
+        default="auto", description="time step, s; 'auto': safety times the critical time step"
     )
-    safety: Annotated[Real, Field(ge=0.01, le=1)] = 0.5
+    safety: Annotated[Real, Field(ge=0.01, le=1)] = Field(
+        default=0.5, description="share of the critical time step that time_step = 'auto' takes"
+    )
     allow_unstable: Flag = Field(
-        default=False, description="allow a time step above the critical one"
+        default=False, description="whether the time step may be above the critical one"
     )
-    damping: NonNegative = Field(default=0.0, description="alpha of C = alpha M, 1/s")
-    precision: Literal["f64", "f32"] = "f64"
-    arch: Literal["cpu", "cuda", "vulkan", "metal", "gpu"] = "cpu"
+    damping: NonNegative = Field(
+        default=0.0, description="factor alpha of the mass-proportional damping C = alpha M, 1/s"
+    )
+    precision: Literal["f64", "f32"] = Field(
+        default="f64", description="floating-point numbers of the nodes and bars: double or single"
+    )
+    arch: Literal["cpu", "cuda", "vulkan", "metal", "gpu"] = Field(
+        default="cpu", description="device that the kernels run on; 'gpu' is 'cuda'"
+    )
     threads: Annotated[int, Field(strict=True, ge=1, le=1024)] | None = Field(
-        default=None, description="CPU threads; absent: all cores"
+        default=None, description="number of CPU threads; without it, one for each core"
     )
 
     @field_validator("time_step", mode="before")
@@ -351,32 +392,38 @@ class Solver(Table):
 
 
 class Output(Table):
-    """What is written, and when."""
+    """The files that a run writes, and when it writes them."""
 
-    history_interval: Positive = Field(default=1e-5, description="between rows of history.csv, s")
+    history_interval: Positive = Field(
+        default=1e-5, description="time between rows of history.csv, s"
+    )
     field_interval: NonNegative | None = Field(
         default=None,
-        description="between stored fields, s; 0: only the first and the last state;"
-        " default: a tenth of the duration, not below history_interval",
+        description="time between stored fields, s; 0: only the first and last states are stored;"
+        " without it, a tenth of the duration, but not below history_interval",
     )
-    image_times: tuple[NonNegative, ...] = Field(default=(), description="of the snapshots, s")
+    image_times: tuple[NonNegative, ...] = Field(
+        default=(), description="times of the snapshots, s"
+    )
     filter_frequencies: tuple[Positive, ...] = Field(
-        default=(), description="cut-offs of the low-pass filtered force in the force figure, Hz"
+        default=(), description="cut-off frequencies of the filtered forces in the force figure, Hz"
     )
     checkpoint_interval: NonNegative = Field(
-        default=300.0, description="between checkpoints, seconds of wall time; 0: none at all"
+        default=300.0,
+        description="time between checkpoints, seconds of wall time; 0: no checkpoints",
     )
 
 
 class Notch(Table):
     """A plane of cut bars: a rectangle normal to an axis. Its bars are removed, not broken."""
 
-    normal: Axis = Field(description="axis that the plane is normal to")
-    position: Real = Field(description="of the plane along its normal, m")
+    normal: Axis = Field(description="axis to which the plane of the notch is normal")
+    position: Real = Field(description="position of the plane along its normal, m")
     from_: tuple[Real, Real] = Field(  # `from` is a keyword
-        alias="from", description="one corner: the other two coordinates in the order x, y, z, m"
+        alias="from",
+        description="corner of the rectangle: its other two coordinates in the order x, y, z, m",
     )
-    to: tuple[Real, Real] = Field(description="the opposite corner, m")
+    to: tuple[Real, Real] = Field(description="opposite corner of the rectangle, m")
 
     @property
     def axes(self) -> tuple[int, int, int]:
@@ -393,8 +440,8 @@ class Notch(Table):
 
 
 class Modes(Table):
-    """What `ldem modes` computes."""
+    """The natural frequencies and mode shapes that `ldem modes` computes."""
 
     count: Annotated[int, Field(strict=True, ge=1, le=1000)] = Field(
-        default=18, description="number of modes, from the lowest"
+        default=18, description="number of modes, counted from the lowest"
     )
