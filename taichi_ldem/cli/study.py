@@ -50,7 +50,7 @@ def convergence(
     force: Annotated[bool, typer.Option("--force", help="remove another scene's runs")] = False,
 ) -> None:
     """Measure error against run time; finished runs are kept, so it can be cut and resumed."""
-    from taichi_ldem.studies.convergence import run
+    from taichi_ldem.studies.convergence.study import run
 
     folder = Path("outputs", scene_file.stem) if out is None else out
     raise typer.Exit(
