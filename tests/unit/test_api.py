@@ -113,7 +113,7 @@ def test_a_law_of_ones_own_dissipates_g_f(told: dict[str, str]) -> None:
 def test_what_a_second_simulation_does(told: dict[str, str]) -> None:
     assert told["closed"].startswith("this simulation is closed")
     assert told["beside"] == "True"
-    assert "must be those of the simulation beside" in told["other precision"]
+    assert "must be those of the simulation that stays open" in told["other precision"]
     assert "<Simulation of impact, closed>" in told["afresh"]
     assert "35 nodes" in told["afresh"]  # 27 corners, 8 centres
     assert "'time_s', 'kinetic_plate_j', 'strain_j', 'energy_error'" in told["afresh"]
