@@ -1,5 +1,6 @@
 """Taichi, started once a process, and the elastic block that most solver tests share."""
 
+import os
 import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
@@ -13,6 +14,12 @@ from taichi_ldem.solver import backend
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation
+
+# Nearly all time of the tests goes into the compilation of kernels, and half of that into one pass
+# of Taichi. The pass removes loads and stores that LLVM removes anyway: without it, results are the
+# same to the last bit. Child processes inherit the setting. `test_regression`, which compares bits,
+# compiles as users do.
+os.environ.setdefault("TI_CFG_OPTIMIZATION", "0")
 
 
 def _program() -> Any:

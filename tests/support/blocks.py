@@ -33,6 +33,11 @@ def block_scene(
     return parse_scene(data)
 
 
+def random_displacement(body: Body, size: float, seed: int = 1) -> np.ndarray:
+    """(nodes, 3) normally distributed displacements with the given standard deviation, m."""
+    return np.random.default_rng(seed).normal(0.0, size, (len(body.places), 3))
+
+
 def smooth_velocity(places: np.ndarray, speed: float) -> np.ndarray:
     """(nodes, 3) a velocity field that stretches, shears and bends a block, without a jump."""
     span = np.ptp(places, axis=0)

@@ -1,0 +1,39 @@
+"""The drivers of the step: strips of rows and whole passes give the same result."""
+
+import numpy as np
+import pytest
+from support.blocks import DAMAGE, PMMA, SPACING, random_displacement
+from support.reference import Body
+
+from taichi_ldem.model import material as mat
+from taichi_ldem.model.lattice import Lattice, prism
+from taichi_ldem.scene import Material
+
+
+@pytest.mark.parametrize("law", [None, "bilinear"])
+def test_whole_passes_and_strips_are_the_same_step(taichi: None, law: str | None) -> None:
+    """A GPU takes the passes one after the other, a site to a lane: the same to the last bit."""
+    from taichi_ldem.solver.dynamics import Dynamics, Features
+
+    mask = prism(9, 10, 2)
+    mask[0, 3:5, 2:6] = False
+    body = Body(mask, SPACING)
+    bars = mat.bar_families(Material(**PMMA | DAMAGE), SPACING)
+    start = random_displacement(body, 0.01 * SPACING)
+    ends = []
+    for in_strips in (True, False):
+        dynamics = Dynamics(Lattice(mask, SPACING), bars, 1190.0, Features(law=law), in_strips)
+        assert (dynamics.lanes.width > 1) == in_strips
+        dynamics.set_displacement(0, body.spread(start))
+        for step in range(30):
+            dynamics.step(step % 2, 9e-8, 9e-8, 0.0, step == 29)
+        moved = np.zeros((2, *dynamics.sites, 3))
+        dynamics.get_displacement(0, moved)
+        ends.append((moved, dynamics.get_velocity(), dynamics.node_sums.to_numpy().sum(axis=0)[0]))
+        if law is not None:
+            sites, broken = dynamics.new_broken()
+            ends[-1] += (sites, broken)
+            assert len(broken) > 0
+    for number in (0, 1, 3, 4)[: len(ends[0]) - 1]:
+        np.testing.assert_array_equal(ends[0][number], ends[1][number])
+    assert ends[0][2] == pytest.approx(ends[1][2], rel=1e-13)  # summed in another order
