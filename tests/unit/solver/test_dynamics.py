@@ -135,13 +135,13 @@ def test_a_body_without_forces_flies_straight(elastic: "Simulation", body: Body)
         body.spread(np.tile(velocity, (len(body.places), 1))),
     )
     elastic.advance(200)
-    moved = elastic.displacement()[body.index]
+    displaced = elastic.displacement()[body.index]
     np.testing.assert_allclose(
-        moved, np.tile(200 * elastic.time_step * velocity, (len(moved), 1)), rtol=1e-12
+        displaced, np.tile(200 * elastic.time_step * velocity, (len(displaced), 1)), rtol=1e-12
     )
     np.testing.assert_allclose(
         elastic.dynamics.get_velocity()[body.index],
-        np.tile(velocity, (len(moved), 1)),
+        np.tile(velocity, (len(displaced), 1)),
         rtol=1e-10,
     )
     assert not elastic.displacement()[~elastic.dynamics.lattice.exists()].any()
@@ -207,9 +207,10 @@ def test_whole_passes_and_strips_are_the_same_step(taichi: None, law: str | None
         dynamics.set_displacement(0, body.spread(start))
         for step in range(30):
             dynamics.step(step % 2, 9e-8, 9e-8, 0.0, step == 29)
-        moved = np.zeros((2, *dynamics.sites, 3))
-        dynamics.get_displacement(0, moved)
-        ends.append((moved, dynamics.get_velocity(), dynamics.node_sums.to_numpy().sum(axis=0)[0]))
+        displaced = np.zeros((2, *dynamics.sites, 3))
+        dynamics.get_displacement(0, displaced)
+        kinetic = dynamics.node_sums.to_numpy().sum(axis=0)[0]
+        ends.append((displaced, dynamics.get_velocity(), kinetic))
         if law is not None:
             sites, broken = dynamics.new_broken()
             ends[-1] += (sites, broken)
