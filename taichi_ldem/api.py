@@ -83,7 +83,8 @@ class Simulation:
         if beside and Simulation._open:
             if wanted != Simulation._running:
                 raise SceneError(
-                    "solver: arch, precision and threads must be those of the simulation beside"
+                    "solver: arch, precision and threads must be those of the simulation "
+                    "that stays open"
                 )
         else:
             close_all()

@@ -17,10 +17,10 @@ def ensemble(
     scene_file: SceneFile,
     cv: Annotated[
         str | None,
-        typer.Option(metavar="CV,CV,...", help="of the fracture energy; 0: homogeneous specimen"),
+        typer.Option(metavar="CV,CV,...", help="CVs of the fracture energy; 0: homogeneous"),
     ] = None,
     seeds: Annotated[
-        str | None, typer.Option(metavar="FIRST:END", help="0:4 is 0 to 3; or 1,5,7")
+        str | None, typer.Option(metavar="FIRST:END", help="seeds; 0:4 is 0 to 3; or 1,5,7")
     ] = None,
     vary: Annotated[
         list[str] | None,
@@ -39,11 +39,10 @@ def ensemble(
     ] = None,
     threads: Annotated[int, typer.Option(min=1, help="CPU threads of each member")] = 1,
     timeout: Annotated[
-        float | None, typer.Option(min=1e-3, metavar="SECONDS", help="of one attempt at a member")
+        float | None,
+        typer.Option(min=1e-3, metavar="SECONDS", help="limit of one attempt at a member"),
     ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="go on with the ensemble in DIR")
-    ] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="continue the ensemble in DIR")] = False,
     precision: Precision = None,
     quiet: Quiet = False,
 ) -> None:

@@ -15,7 +15,7 @@ def paper(
     quick: Annotated[
         bool, typer.Option("--quick", help="coarser lattices, minutes instead of hours")
     ] = False,
-    resume: Annotated[bool, typer.Option("--resume", help="go on in the same folder")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="continue in the same folder")] = False,
     only: Annotated[
         str | None, typer.Option(metavar="KEY,KEY,...", help="e.g. fig11,table3")
     ] = None,

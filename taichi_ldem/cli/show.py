@@ -18,9 +18,11 @@ def info(
     scene_file: SceneFile,
     settings: Settings = None,
     measure: Annotated[
-        bool, typer.Option("--measure", help="time a step, too: takes a minute or more")
+        bool, typer.Option("--measure", help="also time a step, which takes a minute or more")
     ] = False,
-    fields: Annotated[bool, typer.Option("--fields", help="memory of every field, too")] = False,
+    fields: Annotated[
+        bool, typer.Option("--fields", help="also list the memory of every field")
+    ] = False,
 ) -> None:
     """Print what a scene implies, without running it."""
     scene = read_scene_to_run(scene_file, settings or ())
@@ -36,7 +38,9 @@ def render(
     folder: Folder,
     time: Annotated[
         list[float] | None,
-        typer.Option(metavar="SECONDS", help="of a snapshot (default: image times and the end)"),
+        typer.Option(
+            metavar="SECONDS", help="time of a snapshot (default: image times and the end)"
+        ),
     ] = None,
     movie: Annotated[
         bool, typer.Option("--movie", help="a movie of all stored fields instead of snapshots")
@@ -47,18 +51,18 @@ def render(
     ] = None,
     view: Annotated[str | None, typer.Option(help="below, above or cut")] = None,
     azimuth: Annotated[
-        float | None, typer.Option(help="of the camera, degrees from the -y axis")
+        float | None, typer.Option(help="direction of the camera, degrees from the -y axis")
     ] = None,
     elevation: Annotated[
-        float | None, typer.Option(help="of the camera, degrees above the plate")
+        float | None, typer.Option(help="height of the camera, degrees above the plate")
     ] = None,
     section: Annotated[
         str | None,
         typer.Option(metavar="AXIS=METRES", help="cut the plate open, e.g. y=0"),
     ] = None,
     colour: Annotated[str | None, typer.Option(help="damage, velocity or energy")] = None,
-    fps: Annotated[float, typer.Option(help="pictures a second of a movie")] = 12.0,
-    width: Annotated[int, typer.Option(help="of a movie, pixels")] = 1120,
+    fps: Annotated[float, typer.Option(help="frames a second of a movie")] = 12.0,
+    width: Annotated[int, typer.Option(help="width of a movie, pixels")] = 1120,
 ) -> None:
     """Draw the snapshots of a run again, or a movie.
 

@@ -22,7 +22,7 @@ def extremes(
     out: Annotated[Path, typer.Option(metavar="DIR", help="where results go")] = Path(
         "outputs/extremes"
     ),
-    quick: Annotated[bool, typer.Option("--quick", help="the small form, some seconds")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="ten cases, some seconds")] = False,
     only: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="cases whose name contains this")
     ] = None,
@@ -41,7 +41,8 @@ def convergence(
         Path | None, typer.Option(metavar="DIR", help="where runs go (default: outputs/SCENE)")
     ] = None,
     modules: Annotated[
-        list[int] | None, typer.Option(metavar="N", help="through the thickness; repeat it")
+        list[int] | None,
+        typer.Option(metavar="N", help="modules through the thickness; repeatable"),
     ] = None,
     reference: Annotated[
         int | None, typer.Option(metavar="N", help="modules of the reference")
@@ -49,7 +50,7 @@ def convergence(
     seeds: Annotated[int, typer.Option(min=2, help="places of a cracking scene's striker")] = 4,
     force: Annotated[bool, typer.Option("--force", help="remove another scene's runs")] = False,
 ) -> None:
-    """Measure error against run time; finished runs are kept, so it can be cut and resumed."""
+    """Measure error against run time; a study that was interrupted continues."""
     from taichi_ldem.studies.convergence.study import run
 
     folder = Path("outputs", scene_file.stem) if out is None else out

@@ -108,12 +108,12 @@ def make_plan(
         raise SceneError("nothing is varied: give --cv, --seeds or --vary")
     if len({key for key, _ in axes}) < len(axes):
         key = next(key for key, _ in axes if sum(key == other for other, _ in axes) > 1)
-        raise SceneError(f"--vary {key}: is varied twice")
+        raise SceneError(f"--vary {key}: the key is varied twice")
     count = 1
     for _, texts in axes:
         count *= len(texts)
     if count > MAX_MEMBERS:
-        raise SceneError(f"{count} members are asked for: must be at most {MAX_MEMBERS}")
+        raise SceneError(f"an ensemble has at most {MAX_MEMBERS} members, not {count}")
     words = _words([key for key, _ in axes])
     members: dict[str, Member] = {}
     for chosen in itertools.product(*(texts for _, texts in axes)):
@@ -134,7 +134,7 @@ def _axes(
     for text in vary:
         key, equals, values = (part.strip() for part in text.partition("="))
         if not equals or not values or key.count(".") != 1:
-            raise SceneError(f"--vary {text}: must be section.key=value,value,...")
+            raise SceneError(f"--vary {text}: must have the form section.key=value,value,...")
         yield key, _unique(f"--vary {text}", _split(values))
     if seeds is not None:
         yield SEED, _unique(f"--seeds {seeds}", [str(seed) for seed in _seeds(seeds)])
@@ -187,7 +187,7 @@ def _unique(option: str, texts: list[str]) -> list[str]:
         if not text:
             raise SceneError(f"{option}: a value is missing")
         if texts.count(text) > 1:
-            raise SceneError(f"{option}: {text} is there twice")
+            raise SceneError(f"{option}: {text} is given twice")
     return texts
 
 
@@ -222,7 +222,9 @@ def _member(
     scene = parse_scene(tables, scene_file.name, names)
     if not entry_of(scene).resumable:
         known = ", ".join(resumable())
-        raise SceneError(f'scenario = "{scene.scenario}": an ensemble is made of {known}')
+        raise SceneError(
+            f'scenario = "{scene.scenario}": cannot be in an ensemble, only {known} can'
+        )
     varied: dict[str, Any] = {
         key: override_value(f"{key}={text}") if key in used else None for key, text in texts.items()
     }

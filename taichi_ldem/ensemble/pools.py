@@ -101,7 +101,7 @@ def local_workers(wanted: int | None, threads: int, scenes: list[Scene]) -> int:
         return int(max(1, min((cores or 1) // threads, fit, len(scenes))))
     if wanted > fit:
         raise SceneError(
-            f"--local {wanted}: a member needs about {needed:,} bytes of memory, {free:,} are "
+            f"--local {wanted}: a member needs about {needed:,} bytes of memory, and {free:,} are "
             f"available: take at most {fit}"
         )
     return min(wanted, len(scenes))

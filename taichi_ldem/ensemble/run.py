@@ -113,7 +113,7 @@ def check(plan: Plan, folder: Path, *, resume: bool) -> None:
         plans.refuse_other_plan(plan, folder)
         return
     if (folder / plans.RECORD).is_file():
-        raise SceneError(f"'{folder}' holds an ensemble already; --resume goes on with it")
+        raise SceneError(f"'{folder}' holds an ensemble already; --resume continues it")
     if folder.is_dir() and any(path.name != LOCK for path in folder.iterdir()):
         raise SceneError(f"'{folder}' is not empty; give another folder with --out")
 
@@ -123,7 +123,9 @@ def _tell_end(console: Console, folder: Path, conductor: Conductor, code: int) -
         print(f"failed: {outcome.name}: {outcome.state}: {outcome.reason}", file=sys.stderr)
     if code not in ENDED:
         word = "interrupted" if code == ExitCode.INTERRUPTED else "terminated"
-        print(f"{word}; kept in {folder}; the same command with --resume goes on", file=sys.stderr)
+        print(
+            f"{word}; {folder} is kept; the same command with --resume continues", file=sys.stderr
+        )
     else:
         console.print(f"results in {folder}")
 

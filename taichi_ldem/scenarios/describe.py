@@ -125,13 +125,11 @@ def warnings(scene: Scene, steps: int | None = None) -> list[str]:
         )
     if plate.perturbation:
         lines.append(
-            "perturbed nodes (plate.perturbation): softer than these constants by about the square "
-            "of it (docs/disorder.md)"
+            "plate.perturbation makes the lattice softer than these constants, by about its square "
+            "(docs/disorder.md)"
         )
     if scene.solver.allow_unstable:
-        lines.append(
-            "solver.allow_unstable = true: the time step is not held below the critical one"
-        )
+        lines.append("solver.allow_unstable = true: the time step may be above the critical one")
     return lines
 
 
@@ -142,8 +140,8 @@ def _slips(scene: Scene, steps: float | None) -> list[str]:
     for number, side in enumerate(plate.size):
         if side > mat.LARGE_SIDE:
             lines.append(
-                f"plate.size[{number}] = {side:g}: in metres; were millimetres meant, "
-                f"{side / 1000:g}?"
+                f"plate.size[{number}] = {side:g} is in metres; if millimetres were meant, it "
+                f"must be {side / 1000:g}"
             )
     if not plate.angle and any(
         abs(actual - side) > ROUNDED * side
@@ -154,16 +152,16 @@ def _slips(scene: Scene, steps: float | None) -> list[str]:
             for sides in (plate.size, plate.actual_size)
         )
         lines.append(
-            f"plate.size: asked {asked} mm, built {built} mm, in whole modules of "
+            f"plate.size: {asked} mm are asked for, {built} mm are built, in whole modules of "
             f"{1e3 * plate.spacing:.4g} mm"
         )
     if m.youngs_modulus < SOFTEST:
         lines.append(
-            f"material.youngs_modulus = {m.youngs_modulus:g}: in Pa; softer than rubber, were MPa "
-            "or GPa meant?"
+            f"material.youngs_modulus = {m.youngs_modulus:g} is in Pa and softer than rubber; were "
+            "MPa or GPa meant?"
         )
     if not LIGHTEST <= m.density <= HEAVIEST:
-        lines.append(f"material.density = {m.density:g}: in kg/m3; that is no solid's")
+        lines.append(f"material.density = {m.density:g} is in kg/m3; no solid has this density")
     if m.damage and (strain := mat.failure_strain(m)) > LARGE_STRAIN:
         lines.append(
             f"the peak strain eps_p is {strain:.3g}, more than any brittle material's; are "
@@ -174,13 +172,13 @@ def _slips(scene: Scene, steps: float | None) -> list[str]:
         wave = math.sqrt(stiffness / m.density)
         if striker.velocity > FAST * wave:
             lines.append(
-                f"striker.velocity = {striker.velocity:g}: in m/s; {striker.velocity / wave:.2g} "
+                f"striker.velocity = {striker.velocity:g} is in m/s: {striker.velocity / wave:.2g} "
                 f"of the speed of longitudinal waves ({wave:.0f} m/s)"
             )
     steps = _steps(scene) if steps is None else steps
     if scene.scenario != "modes" and steps > MANY_STEPS:
         lines.append(
-            f"solver.duration = {scene.solver.duration:g}: in seconds; about "
+            f"solver.duration = {scene.solver.duration:g} is in seconds and takes about "
             f"{steps / 1e6:.3g} million steps"
         )
     return lines

@@ -193,8 +193,8 @@ def _note_origin(folder: RunFolder, simulation: "Simulation") -> None:
     changed = changed_machine((folder.processes() or [None])[-1], here)
     if changed is not None:
         print(
-            f"warning: the run was begun elsewhere ({changed}): it continues, but its last bits "
-            "may differ from those it would have there",
+            f"warning: the run began on another machine or version ({changed}): it continues, but "
+            "its last digits may differ",
             file=sys.stderr,
         )
     folder.write_provenance(here | {"resumed_at_s": simulation.time})
@@ -236,7 +236,7 @@ def _restored(
             simulation.restore_state(checkpoint.state)
             if simulation.step_number > simulation.steps + 1:
                 raise SceneError(
-                    f"lies behind solver.duration = {simulation.scene.solver.duration}"
+                    f"is later than solver.duration = {simulation.scene.solver.duration}"
                 )
             return Recorder(folder, simulation, checkpoint, name)
         except ValueError as error:  # includes a SceneError of the fields' file

@@ -281,8 +281,8 @@ class Packet:
         near = self.pulse.position + HEAD * self.deviation
         if self.pulse.probes[0] < near:
             raise SceneError(
-                f"pulse.probes = {list(self.pulse.probes)}: the first must be at {near:.4g} m at "
-                "least, where the pulse is not felt at t = 0"
+                f"pulse.probes = {list(self.pulse.probes)}: the first must be at least {near:.4g} "
+                "m, where the pulse has not arrived at t = 0"
             )
         if self.window >= self.passed:
             return
@@ -295,7 +295,7 @@ class Packet:
                 f"arrive at {self.side_arrival:.3g} s; take a wider plate"
             )
         raise SceneError(
-            f"pulse.probes = {list(self.pulse.probes)}: {late}its echo from the end is there at "
+            f"pulse.probes = {list(self.pulse.probes)}: {late}its echo from the end arrives at "
             f"{self.window:.3g} s; take a longer specimen or a shorter pulse"
         )
 

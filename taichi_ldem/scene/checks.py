@@ -82,12 +82,12 @@ def _check_scenario(scene: Scene) -> None:
     name, rules = scene.scenario, SCENARIOS[scene.scenario]
     for table in rules.without:
         if getattr(scene, table) is not None:
-            raise refuse("scenario", name, f"has no table [{table}]")
+            raise refuse("scenario", name, f"takes no table [{table}]")
     if "grips" not in rules.needs:
         if scene.grips is not None:
-            raise refuse("scenario", name, "has no table [grips]")
+            raise refuse("scenario", name, "takes no table [grips]")
         if scene.plate.angle:
-            why = f"only for scenario = {_needing('grips')}"
+            why = f"is for scenario = {_needing('grips')} only"
             raise refuse("plate.angle", scene.plate.angle, why)
     for table in rules.needs:
         if getattr(scene, table) is None:
@@ -114,7 +114,7 @@ def _check_tension(scene: Scene) -> None:
     gauge = grips.gauge_length or scene.default_gauge_length
     assert gauge is not None
     if not 2 * spacing * (1 - ROUNDING) <= gauge <= between * (1 + ROUNDING):
-        why = f"must lie between two modules, {2 * spacing:.6g}, and the grips, {between:.6g}"
+        why = f"must lie between {2 * spacing:.6g} (two modules) and {between:.6g} (grip to grip)"
         raise refuse("grips.gauge_length", gauge, why)
 
 
@@ -137,8 +137,7 @@ def _check_wave(scene: Scene) -> None:
     side = scene.plate.actual_size[axis]
     low, high = (0.0, side) if axis == 2 else (-side / 2, side / 2)
     if not low <= pulse.position < pulse.probes[0] < pulse.probes[1] <= high:
-        places = (pulse.position, *pulse.probes)
-        why = f"position and probes must rise between {low:.6g} and {high:.6g}, not {places}"
+        why = f"must follow pulse.position in rising order between {low:.6g} and {high:.6g}"
         raise refuse("pulse.probes", pulse.probes, why)
 
 
@@ -157,7 +156,9 @@ def _check_free_prism(scene: Scene) -> None:
         ("notch", scene.notch),
     ):
         if present:
-            raise ValueError(f"table '[{name}]': a pulse runs through a free, uniform prism")
+            raise ValueError(
+                f"table '[{name}]': cannot be used with [pulse], which needs a free, uniform prism"
+            )
 
 
 SCENARIOS = {
@@ -213,10 +214,9 @@ def refuse_coarse(scene: Scene, name: str = "") -> Bars:
         metres = max(plate.size) > LARGE_SIDE
         raise SceneError(
             f"{where}plate.modules_through_thickness = {plate.modules_through_thickness}: "
-            f"K_r = {family.ductility:.3f} < 1 for {kind} bars (Eq. 12), too coarse for them "
-            "to soften: at their strength they hold more than G_f; the module edge may be "
-            f"{largest * 1e3:.4g} mm at most, at least {modules} modules, or give "
-            f"material.limit_strain >= {_rounded_up(family.peak_strain)}, with which they "
+            f"too coarse for {kind} bars to soften: K_r = {family.ductility:.3f} < 1 (Eq. 12); "
+            f"take at least {modules} modules (an edge of {largest * 1e3:.4g} mm at most), or give "
+            f"material.limit_strain >= {_rounded_up(family.peak_strain)}, with which bars "
             "dissipate more than G_f" + ("; plate.size is in metres" if metres else "")
         )
     return bars
@@ -231,7 +231,7 @@ def _rounded_up(strain: float) -> str:
 def _check_disorder(scene: Scene) -> None:
     length = scene.disorder.correlation_length if scene.disorder is not None else 0.0
     if 0 < length < scene.plate.spacing:
-        why = f"must be at least {scene.plate.spacing:.6g}, one module, or 0: none"
+        why = f"must be 0 (no correlation) or at least {scene.plate.spacing:.6g}, one module"
         raise refuse("disorder.correlation_length", length, why)
 
 
@@ -254,7 +254,7 @@ def _check_notch(scene: Scene, key: str, notch: Notch) -> None:
             why = f"must differ from {key}.from along {'xyz'[axis]}"
             raise refuse(f"{key}.to", notch.to, why)
         if stop <= lower or start >= upper:
-            why = f"must cut the plate, which has {'xyz'[axis]} from {lower!r} to {upper!r}"
+            why = f"must cut the plate, which has {'xyz'[axis]} between {lower!r} and {upper!r}"
             raise refuse(f"{key}.to", notch.to, why)
 
 
@@ -317,7 +317,7 @@ def _check_output(scene: Scene) -> None:
             why = f"must be at most solver.duration = {end!r}"
             raise refuse(f"output.{key}", interval, why)
         if not end / interval <= limit:
-            why = f"must be at least {end / limit:.6g}: {limit} intervals in solver.duration"
+            why = f"must be at least {end / limit:.6g}: a run has at most {limit} intervals"
             raise refuse(f"output.{key}", interval, why)
     if output.field_interval and output.field_interval < output.history_interval:
         why = f"must be at least output.history_interval = {output.history_interval!r}, or 0"
@@ -330,7 +330,7 @@ def _check_output(scene: Scene) -> None:
     for time in output.image_times:
         if time > end:
             why = (
-                f"must lie between 0 and solver.duration = {end!r}; without snapshots: "
+                f"must lie between 0 and solver.duration = {end!r}; for no snapshots give "
                 '--set "output.image_times=[]"'
             )
             raise refuse("output.image_times", time, why)

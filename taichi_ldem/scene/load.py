@@ -58,7 +58,7 @@ def read_file(path: Path) -> dict[str, Any]:
         reason = getattr(error, "strerror", None) or error
         raise SceneError(f"{path}: cannot be read: {reason}") from None
     if len(content) > MAX_FILE_BYTES:
-        raise SceneError(f"{path}: larger than {MAX_FILE_BYTES >> 20} MiB, no scene")
+        raise SceneError(f"{path}: larger than {MAX_FILE_BYTES >> 20} MiB, which no scene is")
     return read_toml(content, path.name)
 
 
@@ -92,7 +92,7 @@ def _parse_override(text: str, schema: type[BaseModel]) -> Override:
     key, equals, value = (part.strip() for part in text.partition("="))
     path = tuple(key.split("."))
     if not equals or not all(path) or len(path) > 2 or (len(path) == 1 and key != "scenario"):
-        raise SceneError(f"--set {text}: must be section.key=value")
+        raise SceneError(f"--set {text}: must have the form section.key=value")
     if len(path) == 2 and path[0] not in schema.model_fields:
         hint = nearest(path[0], single_tables(schema))
         raise SceneError(f"--set {text}: unknown section '{path[0]}'; {hint}")

@@ -39,7 +39,7 @@ def _braced(value: float) -> float:
     if value > 0:
         return value
     why = (
-        "must be greater than 0: the diagonal bars would have no stiffness, and a lattice without "
+        "must be greater than 0: at 0 the diagonal bars have no stiffness, and a lattice without "
         "them is a mechanism"
     )
     raise PydanticCustomError("mechanism", why)
@@ -139,8 +139,8 @@ class Plate(Table):
         for number, side in enumerate(self.size):
             if side > LARGEST_SIDE:
                 why = (
-                    f"sides are in metres and at most {LARGEST_SIDE:g} m long; {side:g} millimetres"
-                    f" are {side / 1000:g}"
+                    f"must be at most {LARGEST_SIDE:g}: sides are in metres, and {side:g} mm are "
+                    f"{side / 1000:g} m"
                 )
                 raise refuse(f"plate.size[{number}]", side, why)
         self._check_disc()
@@ -152,7 +152,7 @@ class Plate(Table):
         for key in keys:
             value = getattr(self, key)
             if self.shape != "dumbbell" and value is not None:
-                raise refuse(f"plate.{key}", value, 'only for plate.shape = "dumbbell"')
+                raise refuse(f"plate.{key}", value, 'is for plate.shape = "dumbbell" only')
             if self.shape == "dumbbell" and value is None:
                 raise refuse("plate.shape", self.shape, f"needs plate.{key}")
         if self.shape != "dumbbell":
@@ -170,13 +170,15 @@ class Plate(Table):
             raise refuse("plate.narrow_width", self.narrow_width, why)
         fillet = math.sqrt(step * (2 * self.fillet_radius - step))
         if self.narrow_length + 2 * fillet > self.size[0]:
-            why = f"with fillets of {fillet:.6g} at both ends must fit in plate.size[0]"
+            why = (
+                f"must fit into plate.size[0] together with the fillets of {fillet:.6g} at its ends"
+            )
             raise refuse("plate.narrow_length", self.narrow_length, why)
 
     def _check_disc(self) -> None:
         if self.shape != "disc":
             if self.diameter is not None:
-                raise refuse("plate.diameter", self.diameter, 'only for plate.shape = "disc"')
+                raise refuse("plate.diameter", self.diameter, 'is for plate.shape = "disc" only')
         elif self.diameter is None:
             raise refuse("plate.shape", self.shape, "needs plate.diameter")
         elif self.diameter > self.width:
@@ -241,7 +243,7 @@ class Material(Table):
                 " (or material.damage = false)"
             )
         if self.failure_factor is not None and self.failure_strain is not None:
-            why = "must not stand beside material.failure_factor; give one of the two"
+            why = "cannot be given together with material.failure_factor; give one of the two"
             raise refuse("material.failure_strain", self.failure_strain, why)
         strain = self.failure_strain
         if self.limit_strain is not None and strain is not None and self.limit_strain < strain:
@@ -306,14 +308,16 @@ class Disorder(Table):
             if data is None:
                 continue
             if cv is not None:
-                why = f"must not stand beside disorder.{name}_data; give one of the two"
+                why = f"cannot be given together with disorder.{name}_data; give one of the two"
                 raise refuse(f"disorder.{name}_cv", cv, why)
             if len(data) < FEWEST_DATA or max(data) - min(data) <= 1e-9 * max(data):
                 why = f"must be at least {FEWEST_DATA} values that differ"
                 raise refuse(f"disorder.{name}_data", data, why)
         if not named:
             keys = ", ".join(f"'disorder.{name}_cv'" for name in DISORDERED)
-            raise ValueError(f"table '[disorder]' names nothing that varies: give one of {keys}")
+            raise ValueError(
+                f"table '[disorder]' names no property that varies; give one of {keys}"
+            )
         return self
 
 

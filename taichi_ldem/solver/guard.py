@@ -99,8 +99,8 @@ def likely_cause(simulation: "Simulation", ledger: Ledger | None) -> str:
     digits = float(np.finfo(dynamics.numpy_float()).eps) * largest
     if digits > COARSEST * max(longest, -shortest) * simulation.spacing:
         return (
-            f"displacements of {largest:.3g} m are known to {digits:.1g} m, not "
-            f'enough for strains of {max(longest, -shortest):.1g}; use solver.precision = "f64"'
+            f"displacements of {largest:.3g} m have a rounding error of {digits:.1g} m, too "
+            f'large for strains of {max(longest, -shortest):.1g}; use solver.precision = "f64"'
         )
     if longest < EXTREME_TENSION and shortest > EXTREME_COMPRESSION:
         return "a collision too fast for the time step; try a smaller solver.safety"
@@ -110,7 +110,7 @@ def likely_cause(simulation: "Simulation", ledger: Ledger | None) -> str:
             f"{bars}: stretched bars lower the critical time step; try solver.safety <= "
             f"{stability.STRETCHED:.2f}"
         )
-    return f"{bars}: near zero length a bar turns round within a step; strike more slowly"
+    return f"{bars}: a bar near zero length turns round within a step; strike more slowly"
 
 
 def fastest_node(simulation: "Simulation") -> str:

@@ -55,8 +55,8 @@ def refuse_too_large(scene: Scene) -> None:
     fields = _all_field_bytes(scene)
     if scene.solver.arch == "vulkan" and fields >= VULKAN_LIMIT:
         raise SceneError(
-            f'solver.arch = "vulkan": the lattice needs {fields:,} bytes, Taichi reaches 4 GiB '
-            'there; take fewer modules or "cuda" or "cpu"'
+            f'solver.arch = "vulkan": the lattice needs {fields:,} bytes, and Taichi can address '
+            '4 GiB there; take fewer modules or "cuda" or "cpu"'
         )
     free, needed = available_bytes(), needed_bytes(scene)
     if free is None or needed <= free:
@@ -65,6 +65,6 @@ def refuse_too_large(scene: Scene) -> None:
     fitting = max(1, int(nz * ((free - BASE) / (needed - BASE)) ** (1 / 3))) if free > BASE else 1
     raise SceneError(
         f"plate.modules_through_thickness = {nz}: {nx} x {ny} x {nz} modules need about "
-        f"{needed:,} bytes of memory, {free:,} are available; take fewer modules (about {fitting}) "
-        'or solver.precision = "f32"'
+        f"{needed:,} bytes of memory, and {free:,} are available; take fewer modules (about "
+        f'{fitting}) or solver.precision = "f32"'
     )

@@ -94,10 +94,11 @@ def _refuse_unfit(simulation: "Simulation", saved: Saved) -> None:
     critical = float(saved["clock/critical_time_step"])
     if not abs(critical - simulation.critical_time_step) <= 1e-6 * simulation.critical_time_step:
         raise ValueError(
-            f"the critical time step was {critical:.6g} s, is {simulation.critical_time_step:.6g} s"
+            f"the critical time step was {critical:.6g} s and is now "
+            f"{simulation.critical_time_step:.6g} s"
         )
     # the random fields themselves are drawn again, from the seed
     if not np.allclose(saved["clock/drawn"], mine["clock/drawn"], rtol=1e-9, atol=0):
-        raise ValueError("its random fields were others than the scene's seed gives here")
+        raise ValueError("its random fields differ from those that the scene's seed gives here")
     if saved["clock/now"] not in (0, 1) or not 0 <= saved["clock/step_number"] <= 10**12:
         raise ValueError("'clock' is not a step's")

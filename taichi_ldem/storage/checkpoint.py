@@ -139,19 +139,19 @@ def decode(content: bytes) -> Checkpoint:
 def _verify(content: bytes) -> None:
     lines = content[:HEAD].rstrip(b"\0").decode("ascii", "replace").split("\n")
     if len(lines) != 4 or lines[0] != MAGIC or not lines[1].isdecimal():
-        raise CheckpointError("does not begin as a checkpoint does")
+        raise CheckpointError("does not begin like a checkpoint")
     if lines[1] != str(len(content) - HEAD):
-        raise CheckpointError(f"has {len(content) - HEAD} bytes of {lines[1][:20]}: cut off")
+        raise CheckpointError(f"has {len(content) - HEAD} bytes of {lines[1][:20]}: it was cut off")
     if content[:HEAD] != _head(content[HEAD:]):
-        raise CheckpointError("has a wrong checksum: damaged since it was written")
+        raise CheckpointError("has a wrong checksum: it was damaged after it was written")
 
 
 def _refuse_version(file: h5py.File) -> None:
     number, version = int(file.attrs["format"]), str(file.attrs["version"])
     if number != FORMAT or version != __version__:
         raise CheckpointError(
-            f"is of version {version} (format {number}), this is {__version__} (format {FORMAT}): "
-            "resume with the version that wrote it"
+            f"was written by version {version} (format {number}), and this is {__version__} "
+            f"(format {FORMAT}): resume with the version that wrote it"
         )
 
 
@@ -235,7 +235,7 @@ class Checkpoints:
 def _read(path: Path) -> bytes:
     size, free = path.stat().st_size, available_bytes()
     if free is not None and size > free / 2:
-        raise CheckpointError(f"has {size:,} bytes, there are {free:,} bytes of memory")
+        raise CheckpointError(f"has {size:,} bytes, and {free:,} bytes of memory are available")
     return path.read_bytes()
 
 

@@ -96,7 +96,9 @@ class FieldWriter:
             for field, rows in zip(_FIELDS, (self._points, self._points, self._cells), strict=True):
                 enough &= len(root[field]) >= steps * rows
         if not enough:
-            raise SceneError(f"'{self._path}' holds less than the checkpoint says")
+            raise SceneError(
+                f"'{self._path}' holds fewer fields or broken bars than the checkpoint records"
+            )
         with patched(self._path) as file:
             file["VTKHDF/Steps"].attrs.modify("NSteps", np.int64(steps))
         with patched(self._path) as file:

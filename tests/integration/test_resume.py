@@ -188,7 +188,9 @@ def test_sigterm_leaves_a_checkpoint_of_its_own(scene: Path, whole: RunFolder) -
     done = ldem("resume", str(out), "--quiet")
     assert (done.returncode, done.stdout) == (0, "")
     (line,) = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
-    assert line.startswith("warning: the run was begun elsewhere (CPU another CPU, now ")
+    assert line.startswith(
+        "warning: the run began on another machine or version (CPU another CPU, now "
+    )
     assert differences(whole.path, out) == []
 
 
@@ -349,7 +351,7 @@ def _altered(content: bytes, change) -> bytes:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda f: f.attrs.__setitem__("version", "0.0.9"), "is of version 0.0.9"),
+        (lambda f: f.attrs.__setitem__("version", "0.0.9"), "was written by version 0.0.9"),
         (lambda f: f.attrs.__setitem__("format", 3), "format 3"),
         (lambda f: f.attrs.__delitem__("scene"), "no checkpoint of this program"),
         (lambda f: f.attrs.__setitem__("scene", "scenario = 3"), "its scene: "),

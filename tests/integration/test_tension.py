@@ -207,16 +207,19 @@ DUMBBELL = (CONFIGS / "tension_quick.toml").read_text()
     ("setting", "message"),
     [
         ("grips.length=0.0155", "grips.length = 0.0155: must be at most 0.0153417"),
-        ("grips.gauge_length=0.013", "grips.gauge_length = 0.013: must lie between two modules"),
-        ("grips.gauge_length=1e-4", "grips.gauge_length = 0.0001: must lie between two modules"),
+        ("grips.gauge_length=0.013", "grips.gauge_length = 0.013: must lie between 0.00106667"),
+        ("grips.gauge_length=1e-4", "grips.gauge_length = 0.0001: must lie between 0.00106667"),
         ("grips.velocity=0", "grips.velocity = 0: must be greater than 0"),
         ("grips.lateral=loose", 'grips.lateral = "loose": must be "held" or "free"'),
         ("plate.narrow_width=0.005", "plate.narrow_width = 0.005: must lie between 0.0005"),
-        ("plate.narrow_length=0.03", "plate.narrow_length = 0.03: with fillets of 0.0042"),
-        ("plate.shape=rectangle", 'only for plate.shape = "dumbbell"'),
+        (
+            "plate.narrow_length=0.03",
+            "plate.narrow_length = 0.03: must fit into plate.size[0] together with the fillets",
+        ),
+        ("plate.shape=rectangle", 'is for plate.shape = "dumbbell" only'),
         ("plate.angle=30", "plate.angle = 30: must be 0 or 45"),
-        ("scenario=impact", 'scenario = "impact": has no table [grips]'),
-        ("clamp.kind=free", 'scenario = "tension": has no table [clamp]'),
+        ("scenario=impact", 'scenario = "impact": takes no table [grips]'),
+        ("clamp.kind=free", 'scenario = "tension": takes no table [clamp]'),
     ],
 )
 def test_bad_specimens_are_refused(

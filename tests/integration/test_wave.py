@@ -86,9 +86,9 @@ def test_a_shear_pulse_through_a_plate_is_the_exact_one(tmp_path: Path) -> None:
         ("pulse.wavelength=0.001", r"pulse\.wavelength = 0\.001: must be at least 0\.0021"),
         ("pulse.axis=w", r'pulse\.axis = "w": must be "x", "y" or "z"'),
         ("pulse.amplitude=0.1", r"pulse\.amplitude = 0\.1: must be at most 0\.01"),
-        ("pulse.probes=[0.016, -0.032]", r"pulse\.probes = .*must rise between -0\.064 and 0\.064"),
+        ("pulse.probes=[0.016, -0.032]", r"pulse\.probes = .*in rising order between -0\.064 and"),
         ("pulse.position=-0.06", r"pulse\.position = -0\.06: must be at least -0\.056"),
-        ("pulse.probes=[-0.045, 0.016]", r"pulse\.probes = .*the first must be at -0\.044"),
+        ("pulse.probes=[-0.045, 0.016]", r"pulse\.probes = .*the first must be at least -0\.044"),
         ("solver.duration=3e-5", r"solver\.duration = 3e-05: .*the run ends"),
         ("pulse.probes=[-0.032, 0.062]", r"pulse\.probes = .*its echo"),
         ("pulse.kind=longitudinal", r"plate\.size = .*take a wider plate"),
@@ -118,7 +118,7 @@ def test_each_command_runs_its_own_scenes(capsys: pytest.CaptureFixture[str]) ->
 
 def test_supports_would_disturb_a_pulse() -> None:
     settings = ["supports.span=0.024", "supports.diameter=0.004"]
-    with pytest.raises(SceneError, match=r"table '\[supports\]': a pulse runs through a free"):
+    with pytest.raises(SceneError, match=r"table '\[supports\]': cannot be used with \[pulse\]"):
         load_scene(CONFIGS / "wave.toml", settings)
 
 

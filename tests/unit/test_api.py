@@ -113,7 +113,7 @@ def test_a_law_of_ones_own_dissipates_g_f(printed: dict[str, str]) -> None:
 def test_what_a_second_simulation_does(printed: dict[str, str]) -> None:
     assert printed["closed"].startswith("this simulation is closed")
     assert printed["beside"] == "True"
-    assert "must be those of the simulation beside" in printed["other precision"]
+    assert "must be those of the simulation that stays open" in printed["other precision"]
     assert "<Simulation of impact, closed>" in printed["afresh"]
     assert "35 nodes" in printed["afresh"]  # 27 corners, 8 centres
     assert "'time_s', 'kinetic_plate_j', 'strain_j', 'energy_error'" in printed["afresh"]

@@ -53,7 +53,7 @@ class Striker(Body):
         """A line where the striker has never touched the plate."""
         if any(row["striker_force_n"] for row in history):
             return []
-        return ["the striker never touched the plate (striker.gap?)"]
+        return ["the striker never touched the plate; see striker.gap and solver.duration"]
 
     def drawing(self, scene: Scene, history: Mapping[str, Floats], time: float) -> Drawing | None:
         """The striker where the history has it at a time; not above a beam on supports."""

@@ -43,8 +43,8 @@ def kind(scene: Scene) -> str:
     if scene.scenario == "impact" and scene.striker is not None:
         return CRACKING if scene.material.damage else IMPACT
     raise SceneError(
-        f'scenario = "{scene.scenario}": convergence is studied of an impact, of a vibration '
-        '(scenario = "modes", damage = false) or of a wave'
+        f'scenario = "{scene.scenario}": a convergence study needs an impact, a vibration '
+        '(scenario = "modes", damage = false) or a wave'
     )
 
 

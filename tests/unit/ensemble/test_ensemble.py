@@ -211,15 +211,18 @@ def test_settings_are_for_all_members():
         ({"cv": "0.1,x"}, "--cv 0.1,x: must be numbers of at least 0"),
         ({"cv": "-0.1"}, "--cv -0.1: must be numbers of at least 0"),
         ({"cv": "nan"}, "--cv nan: must be numbers of at least 0"),
-        ({"cv": "0.1,0.10"}, "--cv 0.1,0.10: 0.1 is there twice"),
+        ({"cv": "0.1,0.10"}, "--cv 0.1,0.10: 0.1 is given twice"),
         ({"cv": "2", "seeds": "0:2"}, "fracture_energy_cv = 2.0: must be at most 1.5"),
         ({"cv": "0.1", "seeds": "4:4"}, "--seeds 4:4: must be whole numbers"),
         ({"cv": "0.1", "seeds": "-1"}, "--seeds -1: must be whole numbers"),
         ({"cv": "0.1", "seeds": "0:999999999"}, "must be at most 100000 seeds"),
-        ({"vary": ["striker.velocity"]}, "--vary striker.velocity: must be section.key=value"),
+        (
+            {"vary": ["striker.velocity"]},
+            "--vary striker.velocity: must have the form section.key=value",
+        ),
         ({"vary": ["striker.velocity=1,,2"]}, "a value is missing"),
         ({"vary": ["striker.speed=1,2"]}, "unknown key 'striker.speed'"),
-        ({"vary": ["striker.velocity=1", "striker.velocity=2"]}, "is varied twice"),
+        ({"vary": ["striker.velocity=1", "striker.velocity=2"]}, "the key is varied twice"),
         ({"vary": ["striker.velocity=-1,2"]}, "striker.velocity = -1"),
         ({"vary": ["solver.threads=1,2"]}, "members 'threads1' and 'threads2' are the same run"),
     ],
@@ -260,7 +263,7 @@ def test_folders_that_are_refused(plan, tmp_path):
     with pytest.raises(SceneError, match="is not empty"):
         check(plan, tmp_path, resume=False)
     write_plan(plan, tmp_path, 1)
-    with pytest.raises(SceneError, match="--resume goes on with it"):
+    with pytest.raises(SceneError, match="--resume continues it"):
         check(plan, tmp_path, resume=False)
 
 

@@ -28,20 +28,21 @@ def _quick(*overrides: str) -> list[str]:
         # R_f sqrt(G_f / E) = 31.45 sqrt(1034 / 1e7)
         (["material.youngs_modulus=1e7", "material.limit_strain=0.5"], "eps_p is 0.32, more than"),
         (["material.failure_strain=0.25", "material.limit_strain=0.5"], "eps_p is 0.25, more than"),
-        (["plate.size=[1.6, 0.0464, 0.0016]"], "plate.size[0] = 1.6: in metres; were milli"),
+        (["plate.size=[1.6, 0.0464, 0.0016]"], "plate.size[0] = 1.6 is in metres; if milli"),
         (
             ["plate.size=[0.0464, 0.0464, 0.002]"],
-            "plate.size: asked 46.40 x 46.40 mm, built 46.67 x 46.67 mm",  # 70 modules of 2/3 mm
+            # 70 modules of 2/3 mm
+            "plate.size: 46.40 x 46.40 mm are asked for, 46.67 x 46.67 mm are built",
         ),
         # sqrt(C11 / rho) = sqrt(1.2 E / rho), 1838 m/s
-        (["striker.velocity=300"], "striker.velocity = 300: in m/s; 0.16 of the speed"),
-        (["solver.duration=2.4", "output.field_interval=0"], "solver.duration = 2.4: in seconds"),
+        (["striker.velocity=300"], "striker.velocity = 300 is in m/s: 0.16 of the speed"),
+        (["solver.duration=2.4", "output.field_interval=0"], "solver.duration = 2.4 is in seconds"),
         (
             ["material.youngs_modulus=3350", "material.failure_strain=0.0175"],
-            "material.youngs_modulus = 3350: in Pa; softer than rubber",
+            "material.youngs_modulus = 3350 is in Pa and softer than rubber",
         ),
-        (["material.density=1.19"], "material.density = 1.19: in kg/m3"),
-        (["material.density=1.19e6"], "material.density = 1.19e+06: in kg/m3"),
+        (["material.density=1.19"], "material.density = 1.19 is in kg/m3"),
+        (["material.density=1.19e6"], "material.density = 1.19e+06 is in kg/m3"),
     ],
     ids=lambda value: value[0] if isinstance(value, list) else "",
 )
@@ -96,4 +97,4 @@ def test_info_says_the_memory_in_a_line_and_of_every_field_if_asked(
     whole = info(True, material=damage, plate={"size": [0.00201, 0.002, 0.001]})
     assert "displacement" in whole
     assert "L_cr: critical module edge" in whole
-    assert "note: plate.size: asked 2.01 x 2.00 mm, built 2.00 x 2.00 mm" in whole
+    assert "note: plate.size: 2.01 x 2.00 mm are asked for, 2.00 x 2.00 mm are built" in whole

@@ -69,7 +69,8 @@ def test_halos_repeat_their_neighbours_while_the_block_moves(
         ("AuthenticAMD", 25, 17, "sse2 avx avx2", WIDE),  # Zen 4
         ("AuthenticAMD", 26, 2, "sse2 avx avx2", NARROW),  # Zen 5: later than LLVM 15
         ("GenuineIntel", 6, 0x8F, "avx2 avx512f", WIDE),  # Sapphire Rapids
-        ("GenuineIntel", 6, 0xAD, "avx2 avx512f", NARROW),  # Granite Rapids: later
+        ("GenuineIntel", 6, 0xAD, "avx2 avx512f", WIDE),  # Granite Rapids: taken for Ice Lake
+        ("GenuineIntel", 19, 1, "avx2 avx512f", NARROW),  # Diamond Rapids: no family of LLVM 15's
         ("GenuineIntel", 6, 0x3F, "sse2 avx", NARROW),  # a hypervisor hides AVX2
     ],
 )

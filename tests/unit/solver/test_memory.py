@@ -91,7 +91,7 @@ def test_vulkan_reaches_four_gib(monkeypatch: pytest.MonkeyPatch) -> None:
         scene = block_scene(1000, 1000, 30, solver={"arch": arch})
         assert memory.field_bytes(scene) > 2**32
         if arch == "vulkan":
-            with pytest.raises(SceneError, match=r"Taichi reaches 4 GiB"):
+            with pytest.raises(SceneError, match=r"Taichi can address 4 GiB"):
                 memory.refuse_too_large(scene)
         else:
             memory.refuse_too_large(scene)

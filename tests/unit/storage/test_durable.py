@@ -121,7 +121,7 @@ def test_what_came_after_a_checkpoint_is_cut_at_any_moment(tmp_path, monkeypatch
     assert len(read_times(path)) == 5
     assert len(read_broken_bars(path).bar) == 240 + 160
     assert read_fields(path).displacement.shape == points.shape
-    with pytest.raises(SceneError, match="holds less than the checkpoint"):
+    with pytest.raises(SceneError, match="holds fewer fields or broken bars than the checkpoint"):
         FieldWriter(path, points, hexahedra, written=(6, 240))
 
 

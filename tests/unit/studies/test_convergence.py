@@ -143,7 +143,7 @@ def test_scenes_say_what_they_are_a_reference_for(name: str, what: str) -> None:
 
 
 def test_a_scene_that_is_no_reference_is_refused() -> None:
-    with pytest.raises(SceneError, match="convergence is studied of"):
+    with pytest.raises(SceneError, match="a convergence study needs"):
         kind(load_scene(CONFIGS / "tension.toml"))
 
 
