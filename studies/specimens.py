@@ -6,7 +6,7 @@ Reads the members of ensembles of one specimen (``ldem ensemble``); those that d
 in the striker's place only are one group. Prints means with 95 % confidence intervals (Student's t)
 and the difference of every two groups (Welch's t test), in brackets where p >= 0.05, which does not
 show that they are alike. Forces are smoothed over a window that fits the specimen's oscillations
-(``convergence_cracking.read``).
+(``convergence.cracking.read``).
 """
 
 import argparse
@@ -22,7 +22,7 @@ from taichi_ldem.ensemble.attempt import FINISHED
 from taichi_ldem.ensemble.plan import MEMBERS, read_plan
 from taichi_ldem.ensemble.results import read_rows
 from taichi_ldem.errors import SceneError
-from taichi_ldem.studies.convergence_cracking import mean_of, read
+from taichi_ldem.studies.convergence.cracking import mean_of, read
 
 Array = npt.NDArray[np.float64]
 

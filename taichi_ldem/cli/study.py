@@ -29,7 +29,7 @@ def extremes(
     workers: Workers = 0,
 ) -> None:
     """Run stiff and extreme cases, each against what theory predicts."""
-    from taichi_ldem.studies.extremes import run
+    from taichi_ldem.studies.extremes.study import run
 
     raise typer.Exit(run(out, quick=quick, only=only or (), workers=workers))
 
@@ -51,7 +51,7 @@ def convergence(
     force: Annotated[bool, typer.Option("--force", help="remove another scene's runs")] = False,
 ) -> None:
     """Measure error against run time; a study that was interrupted continues."""
-    from taichi_ldem.studies.convergence import run
+    from taichi_ldem.studies.convergence.study import run
 
     folder = Path("outputs", scene_file.stem) if out is None else out
     raise typer.Exit(

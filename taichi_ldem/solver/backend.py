@@ -16,7 +16,7 @@ from taichi_ldem.scene import Solver
 
 @contextlib.contextmanager
 def _silent_stdout() -> Iterator[None]:
-    """Send what native code prints to stdout nowhere."""
+    """Discard what native code prints to stdout."""
     sys.stdout.flush()
     saved = os.dup(1)
     sink = os.open(os.devnull, os.O_WRONLY)
@@ -31,14 +31,14 @@ def _silent_stdout() -> Iterator[None]:
 
 
 STALE = 60.0
-"""Age of a lock on Taichi's cache, s, at which whoever made it is taken to be dead."""
+"""Age of a lock on Taichi's cache, s, from which its process is taken to have been killed."""
 
 SHADER_FLOAT64 = 39
-"""Number of the f64 entry of VkPhysicalDeviceFeatures, which has 55 of four bytes."""
+"""Place of the f64 entry among the 55 entries of VkPhysicalDeviceFeatures."""
 
 
 def _vulkan_devices() -> list[bool]:
-    """Whether each Vulkan device has f64; without Taichi, which aborts where there is none."""
+    """Whether each Vulkan device has f64; asked of Vulkan, as Taichi aborts without a device."""
     try:
         vulkan = ctypes.CDLL("vulkan-1.dll" if sys.platform == "win32" else "libvulkan.so.1")
     except OSError:
@@ -62,11 +62,11 @@ def _vulkan_devices() -> list[bool]:
 
 def vulkan_device() -> bool:
     """Whether a Vulkan device exists."""
-    return sys.platform == "darwin" or bool(_vulkan_devices())  # there Taichi brings its own
+    return sys.platform == "darwin" or bool(_vulkan_devices())  # Taichi ships one for macOS
 
 
 def _refuse_absent(solver: Solver) -> None:
-    """Raise SceneError where a backend is known to be missing or to lack what a run needs."""
+    """Raise SceneError where a backend is missing or has no f64."""
     arch = f'solver.arch = "{solver.arch}"'
     if solver.arch == "metal" or (solver.arch == "vulkan" and sys.platform == "darwin"):
         raise SceneError(f'{arch}: has no f64, which contact sums need; use "cpu"')
@@ -79,10 +79,10 @@ def _refuse_absent(solver: Solver) -> None:
 
 
 def _place(context: Any, node: Any) -> str:
-    """Where a node of a kernel is, for error messages: file, line, function and source.
+    """Position of a node of a kernel for error messages: file, line, function and source.
 
-    Taichi's own draws the line again with marks under it, for every node of every kernel, and
-    hardly any is ever shown.
+    Taichi's own function formats the source line with marks for every node of every kernel, and
+    hardly any of these texts is ever shown.
     """
     line = node.lineno + context.lineno_offset
     where = f'File "{context.file}", line {line}, in {context.func.func.__name__}:'
@@ -90,10 +90,10 @@ def _place(context: Any, node: Any) -> str:
 
 
 def _spare_taichi_work() -> None:
-    """Take from Taichi what it does again and again when it reads kernels.
+    """Make Taichi read the source of each function once.
 
-    Half of the time that a cached kernel takes to start: each call of a function in a kernel finds
-    and splits the function's source anew.
+    It finds and splits the source at every call of a function in a kernel, which takes half of the
+    time in which a cached kernel starts.
     """
     from taichi.lang import kernel_impl
     from taichi.lang.ast import ast_transformer_utils
@@ -105,9 +105,9 @@ def _spare_taichi_work() -> None:
 
 
 def _free_cache(folder: Path) -> None:
-    """Remove locks that a process killed while it wrote Taichi's cache has left behind.
+    """Remove locks left behind by a process that was killed while it wrote Taichi's cache.
 
-    Taichi would neither read nor write its cache ever again. Writing takes seconds at most.
+    With such a lock Taichi never reads or writes its cache again. Writing takes seconds at most.
     """
     for lock in folder.glob("**/ticache.lock"):
         with contextlib.suppress(OSError):
@@ -116,12 +116,13 @@ def _free_cache(folder: Path) -> None:
 
 
 def start(solver: Solver) -> None:
-    """Import and initialise Taichi for a scene; call it before any module with kernels is imported.
+    """Import and initialise Taichi for a scene, before any module with kernels is imported.
 
-    ``fast_math`` stays off: it would drop the order of summation that reproducibility rests on.
+    ``fast_math`` stays off: it would change the order of summation, on which reproducible results
+    depend.
 
     Raises:
-        SceneError: the backend is not there, or cannot do the precision.
+        SceneError: the backend is missing, or has no f64.
     """
     _refuse_absent(solver)
     with _silent_stdout():

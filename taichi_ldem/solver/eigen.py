@@ -3,7 +3,7 @@
 ``TangentOperator`` is the stiffness that the run's own kernels have at rest, scaled by the masses.
 SciPy's LOBPCG finds its lowest eigenvectors; its preconditioner is a two-grid cycle: Chebyshev
 smoothing by the same operator, and a trilinear coarse grid whose stiffness is the sum of the bars'
-(Galerkin) and is factorised. The start are the coarse grid's own eigenvectors.
+(Galerkin) and is factorised. It starts from the coarse grid's own eigenvectors.
 
 Vectors are over the free nodes only, three components a node: sqrt(m) u, in sqrt(kg) m.
 """
@@ -26,13 +26,12 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 AMPLITUDE = 1e-12
-"""Largest displacement over the module edge when the kernels are applied: they answer linearly.
-
-A bar's strain is computed without cancellation (``dynamics.elongation``), so it may be this small.
+"""Largest displacement over the module edge when the kernels are applied: so small that the forces
+are linear in it. Strains are computed without cancellation (``bars``), so they may be this small.
 """
 
 COARSE_FREEDOMS = 40_000
-"""Most degrees of freedom of the coarse grid: its factorisation takes seconds."""
+"""Limit on the degrees of freedom of the coarse grid, whose factorisation then takes seconds."""
 
 SMOOTHING_STEPS = 3
 """Degree of the Chebyshev polynomial, before and after the coarse grid."""
@@ -44,25 +43,25 @@ START_STEPS = 5
 """Inverse iterations on the coarse grid for the start."""
 
 GUARDS = 4
-"""Vectors beyond those asked for: the last ones of a block converge slowest."""
+"""Additional vectors of a block, whose last ones converge slowest."""
 
 PART = 16
-"""Most vectors that LOBPCG works on at a time, from the lowest that has not converged: it keeps
-about fourteen blocks of them, which is what memory goes into (a vector of the paper's plate at six
-modules has 9.2 MB)."""
+"""Limit on the vectors that LOBPCG works on at a time, from the lowest that has not converged. It
+keeps about fourteen blocks of them, which take most of the memory (a vector of the paper's plate at
+six modules has 9.2 MB)."""
 
 ROWS = 1 << 16
 """Rows of a block of vectors that are combined at a time, so that no second block is needed."""
 
 ROUND, ROUNDS = 8, 12
-"""LOBPCG iterations between looks at the residuals, and most such rounds: low modes that have
-converged are left alone then, and guards need not converge. SciPy returns the iterate whose largest
-residual is least; a mode that the start had missed enters with a large one, and a shorter round
-would throw it away again and again."""
+"""LOBPCG iterations between two checks of the residuals, and the limit on such rounds. After it,
+low modes that have converged are kept fixed; guards need not converge. SciPy returns the iterate
+whose largest residual is least: a mode that the start had missed enters with a large one, and a
+shorter round would discard it every time."""
 
 
 class NotConverged(RuntimeError):
-    """The eigenvalue solver ran out of iterations; ``str(error)`` names what was reached."""
+    """The eigenvalue solver ran out of iterations; ``str(error)`` gives the residual at the end."""
 
 
 @dataclass(frozen=True)
@@ -70,11 +69,11 @@ class Modes:
     """Lowest modes of a lattice.
 
     Attributes:
-        frequencies: (n,) ascending, Hz; rigid motions have what rounding leaves of 0.
+        frequencies: (n,) ascending, Hz; those of rigid motions are zero but for rounding.
         residuals: (n,) |K u - omega^2 M u| in the norm of 1/M over omega^2 |u| in that of M; for
             rigid motions omega is that of the first other mode.
         shapes: (n, 2, *S, 3) displacements of all nodes, largest 1.
-        iterations: of LOBPCG.
+        iterations: number of LOBPCG iterations.
     """
 
     frequencies: Array
@@ -87,14 +86,14 @@ class TangentOperator:
     """M^(-1/2) K M^(-1/2) over the free nodes, K applied by the kernels that step the plate.
 
     Args:
-        dynamics: of an elastic lattice, in f64. Its displacements are overwritten.
+        dynamics: an elastic lattice in f64. Its displacements are overwritten.
         fixed: flat numbers over (2, *S) of nodes that do not move.
 
     Attributes:
         nodes: (n,) flat numbers over (2, *S) of the free nodes, ascending.
         root_mass: (n,) sqrt of their masses, sqrt(kg).
         size: 3 n.
-        applied: how often K was applied to a vector so far.
+        applied: number of vectors that K was applied to so far.
     """
 
     def __init__(self, dynamics: "Dynamics", fixed: npt.NDArray[np.integer[Any]]):
@@ -125,7 +124,7 @@ class TangentOperator:
         scale = AMPLITUDE * spacing / largest
         self._motion.reshape(-1, 3)[self.nodes] = scale * motion
         self.dynamics.set_displacement(0, self._motion)
-        # as Dynamics.get_acceleration, without keeping velocities: nothing moves here
+        # like Exchange.get_acceleration, but there are no velocities to keep
         for field in self.dynamics.fields()["velocity"]:
             field.fill(0)
         self.dynamics.kick(0, 1.0)
@@ -156,10 +155,11 @@ def each(function: Callable[[Array], Array], vectors: Array) -> Array:
 def stiffness(dynamics: "Dynamics", basis: Any = None) -> Any:
     """Assembled stiffness of an elastic lattice at rest, or of a basis of its motions, N/m.
 
-    Of the regular lattice: perturbed nodes change it little, and it only preconditions.
+    The nodes are taken at their places in the regular lattice: perturbations change the stiffness
+    little, and it only preconditions.
 
     Args:
-        basis: sparse (2 prod(S), n) scalar functions of the nodes; None: the nodes themselves.
+        basis: sparse (2 prod(S), n) scalar functions of the nodes; None for the nodes themselves.
 
     Returns:
         sparse (3 n, 3 n): sum over the bars of k (n . du)(n . du), three components a function.
@@ -186,8 +186,8 @@ def stiffness(dynamics: "Dynamics", basis: Any = None) -> Any:
         offset = (vector + 0.5 * (bar >= DIAGONAL.start))[::-1].astype(int) @ strides
         first = at + (bar >= 3) * sites
         second = at + offset + (3 <= bar < DIAGONAL.start) * sites
-        stretch = basis[second] - basis[first]
-        product = stretch.T @ stretch.multiply(k[at, None]).tocsr()
+        difference = basis[second] - basis[first]
+        product = difference.T @ difference.multiply(k[at, None]).tocsr()
         along = vector / np.linalg.norm(vector)
         total = total + sparse.kron(product, np.outer(along, along), format="csr")
     return total
@@ -353,13 +353,13 @@ def low_frequency(operator: TangentOperator) -> float:
 
 
 def lowest(
-    operator: TangentOperator, count: int, tell: Callable[[str], None] = lambda _: None
+    operator: TangentOperator, count: int, report: Callable[[str], None] = lambda _: None
 ) -> Modes:
     """The lowest modes of a lattice at rest.
 
     Args:
-        count: of modes; at most a fifth of the degrees of freedom.
-        tell: gets a line of progress now and then.
+        count: number of modes; at most a fifth of the degrees of freedom.
+        report: called with a line of progress after each round.
 
     Raises:
         ValueError: more modes than the lattice can give.
@@ -370,7 +370,7 @@ def lowest(
         raise ValueError(f"at most {operator.size // 5 - GUARDS} for this lattice")
     shift = low_frequency(operator)
     inverse = TwoGrid(operator, shift)
-    tell(
+    report(
         f"coarse grid: {inverse.stiffness.shape[0]:,} degrees of freedom, cells of {inverse.cell} "
         "modules"
     )
@@ -387,7 +387,7 @@ def lowest(
         goal = 0.1 * TOLERANCE * scale[first]
         locked = (residuals * scale <= goal) & (np.arange(size) < first)
         worst = residuals[:count].max()
-        tell(f"{done} iterations, {operator.applied:,} products: largest residual {worst:.1e}")
+        report(f"{done} iterations, {operator.applied:,} products: largest residual {worst:.1e}")
         if worst <= TOLERANCE:
             break
     else:
@@ -432,7 +432,7 @@ def _lobpcg(inverse: TwoGrid, vectors: Array, locked: Array, goal: float) -> Arr
 
 
 def _ritz(operator: TangentOperator, vectors: Array, shift: float) -> tuple[Array, Array, Array]:
-    """Ritz values, ascending, relative residuals (see ``Modes``), and what these are relative to.
+    """Ritz values in ascending order, relative residuals (see ``Modes``), and the latter's scale.
 
     Args:
         vectors: replaced by the Ritz vectors, orthonormal.

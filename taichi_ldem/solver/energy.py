@@ -1,7 +1,7 @@
-"""The ledger: every energy from state alone, in a fixed order of summation.
+"""The energy ledger: every energy follows from the state and is summed in a fixed order.
 
 A bar's elastic energy follows from its strain and its dissipated energy from its peak strain, so
-the hot loop carries nothing for them. Kinetic energy at t_n is 1/2 v(n-1/2) M v(n+1/2): with it,
+the step need not add up either. Kinetic energy at t_n is 1/2 v(n-1/2) M v(n+1/2): with it,
 central differences conserve the discrete energy of a linear lattice exactly.
 """
 
@@ -21,14 +21,17 @@ from taichi_ldem.solver.state import field_apart
 STRAIN, FRACTURE, BROKEN, KINETIC, DAMPED = range(5)
 
 GROUP = 128
-"""Pieces of rows whose sums one thread of a GPU adds up."""
+"""Number of pieces of rows whose sums one thread of a GPU adds up."""
 
 
 @dataclass(frozen=True)
 class Ledger:
-    """Energies at one time, J: of the plate, of the rigid bodies, and the work from outside.
+    """Energies at one time, J.
 
-    ``imbalance`` is what the others fail to add up to since the start.
+    Attributes:
+        kinetic_plate, kinetic_bodies, strain: stored energies.
+        fracture, damping, contact: energies dissipated since the start.
+        external: work that was done from outside since the start.
     """
 
     kinetic_plate: float = 0.0
@@ -53,12 +56,12 @@ class Ledger:
 
     @property
     def held_by_plate(self) -> float:
-        """What the plate holds, has dissipated, or has lost in contact."""
+        """Energy of the plate: stored, dissipated and lost in contact, J."""
         own = self.kinetic_plate + self.strain + self.fracture + self.damping
         return own + abs(self.contact)
 
     def imbalance(self, start: "Ledger") -> float:
-        """Energy that appeared (positive) or vanished since ``start``, beyond external work, J."""
+        """Energy that was created (positive) or lost since ``start``, external work deducted, J."""
         return self.stored - start.stored - (self.external - start.external)
 
     def error(self, start: "Ledger") -> float:
@@ -67,10 +70,10 @@ class Ledger:
         return abs(self.imbalance(start)) / scale if scale > 0 else 0.0
 
     def error_of_plate(self, start: "Ledger", floor: float) -> float:
-        """Imbalance over what the plate was given: the bodies' loss plus external work.
+        """Imbalance over the energy given to the plate: the bodies' loss plus external work.
 
         Args:
-            floor: smallest scale, J, so that the first microseconds raise no alarm.
+            floor: least denominator, J, so that the first microseconds give no false alarm.
         """
         given = start.kinetic_bodies - self.kinetic_bodies + self.external - start.external
         scale = max(given, floor)

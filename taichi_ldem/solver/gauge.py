@@ -24,9 +24,9 @@ class Gauge:
         length: nominal gauge length, m.
 
     Attributes:
-        length: between the two bands across, m.
-        width: between the two bands along, m.
-        section: mean section of the specimen in the gauge length, m2.
+        length: distance between the two bands across, m.
+        width: distance between the two bands along, m.
+        section: mean cross-section of the specimen within the gauge length, m2.
     """
 
     def __init__(self, dynamics: Dynamics, angle: float, length: float):

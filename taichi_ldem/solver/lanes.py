@@ -15,16 +15,17 @@ import numpy.typing as npt
 from taichi_ldem.solver.processor import vector_bytes
 
 HALO = 2
-"""A bar at a halo column is evaluated again from its ends, one column further out."""
+"""Columns repeated at either end. A bar of the inner one is evaluated again from its ends, which
+lie one column further out."""
 
 
 @dataclass(frozen=True)
 class Lanes:
-    """The cut of one row.
+    """How one row is cut.
 
     Attributes:
-        sites: sites of a row, a ghost at either end.
-        width: lanes.
+        sites: number of sites of a row, including a ghost at either end.
+        width: number of lanes.
     """
 
     sites: int
@@ -32,7 +33,7 @@ class Lanes:
 
     @staticmethod
     def fitting(sites: int, item_bytes: int) -> "Lanes":
-        """As many lanes as fill a register and leave pieces that only neighbours overlap."""
+        """As many lanes as fill a register, while pieces overlap only with their neighbours."""
         width = vector_bytes() // item_bytes
         while width > 1 and -(-(sites - 2) // width) < 2 * HALO:
             width //= 2
@@ -40,12 +41,12 @@ class Lanes:
 
     @property
     def length(self) -> int:
-        """Columns that a piece owns: HALO to HALO + length - 1."""
+        """Number of columns that a piece owns: HALO to HALO + length - 1."""
         return -(-(self.sites - 2) // self.width)
 
     @property
     def columns(self) -> int:
-        """Columns stored."""
+        """Number of columns stored."""
         return self.length + 2 * HALO
 
     def index(self) -> npt.NDArray[np.int64]:

@@ -1,4 +1,4 @@
-"""Bytes that a scene needs, before any are taken, against those that the machine has."""
+"""Bytes that a scene needs, estimated before it is built, and those that the machine has left."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ BASE = 250e6
 """Bytes of the interpreter, Taichi's compiler and the libraries: 230 MB measured."""
 
 HOST = 20 * 48
-"""Bytes a site that NumPy and SciPy take at most: vectors of six f64 each, 18.7 measured. Eight are
+"""Most bytes a site that NumPy and SciPy take: vectors of six f64 each, 18.7 measured. Eight are
 the Lanczos basis of the critical time step, the rest its start, work space, results and copies."""
 
 

@@ -1,9 +1,9 @@
-"""How wide the code is that Taichi's compiler makes for this machine's processor."""
+"""The width of the registers that Taichi's compiler uses on this machine's processor."""
 
 from taichi_ldem import machine
 
 NARROW, WIDE = 16, 32
-"""Bytes of a register that every x86-64 and ARM processor has, and of one of AVX."""
+"""Bytes of a register of every x86-64 and ARM processor, and of an AVX register."""
 
 _KNOWN_AMD = frozenset((23, 25))
 """Families with AVX2 that LLVM 15 knows: Zen 1 to Zen 4 (it takes the last for Zen 3)."""

@@ -1,8 +1,8 @@
 """The critical time step of the assembled lattice.
 
 Central differences are stable up to 2 / omega_max. The highest frequency comes from a few Lanczos
-steps on M^(-1/2) K M^(-1/2), with K applied by the very kernels that step the plate, so it is the
-operator of the run and not a bound on it (the element-wise bound is a third too low). Kinematic
+steps on M^(-1/2) K M^(-1/2), with K applied by the kernels that step the plate: it is that of the
+run's own operator and not a bound on it (the element-wise bound is a third too low). Kinematic
 contact and clamps are constraints, which cannot raise the highest frequency, and broken bars lower
 it.
 """
@@ -18,7 +18,7 @@ from taichi_ldem.solver.lanes import HALO
 from taichi_ldem.solver.state import field_apart
 
 STRETCHED = 3**-0.5
-"""Share of the critical time step at rest that is enough at any deformation.
+"""Share of the critical time step at rest that is stable at any deformation.
 
 A bar of stiffness k at length ratio r has the tangent stiffness k along itself and k (1 - 1/r) < k
 across, so no deformation takes omega^2 above that of the lattice whose bars had k in every
@@ -27,19 +27,21 @@ lattice's own, so its omega^2 is at most three times that at rest. Softening and
 """
 
 TOLERANCE = 1e-3
-MOST = 200
-"""Lanczos steps at most; a plate of any size takes some fifteen."""
+"""Relative residual of the largest eigenvalue."""
+
+MOST_STEPS = 200
+"""Limit on the Lanczos steps; a plate of any size takes some fifteen."""
 
 
 @ti.data_oriented
 class Lanczos:
     """Lanczos' recurrence in the lattice's own fields, in the inner product of the masses.
 
-    The displacement is the latest vector u(j), the velocity the one before, times beta(j - 1). From
-    there the step's own operator, for a second and without moving, makes the velocity
-    beta(j - 1) u(j - 1) - A u(j) with A = M^-1 K: all that the next vector needs. The vectors are
-    so small (strains of about 1e-6) that the non-linear kernels answer linearly. No old vectors
-    are kept: the largest eigenvalue does not need them.
+    The displacement holds the latest vector u(j), the velocity the one before, times beta(j - 1). A
+    step of one second that changes velocities alone then makes the velocity
+    beta(j - 1) u(j - 1) - A u(j) with A = M^-1 K, which is all that the next vector needs. The
+    vectors are so small (strains of about 1e-6) that the non-linear kernels respond linearly. Older
+    vectors are not kept: the largest eigenvalue does not need them.
 
     Attributes:
         rows: 2-vectors in f64, products with the masses over a row or piece of it.
@@ -52,7 +54,7 @@ class Lanczos:
 
     @ti.func
     def noise(self, number):
-        """A number from -1/2 to 1/2 for each integer, the same everywhere."""
+        """A number from -1/2 to 1/2 for each integer, the same on every backend."""
         x = ti.cast(number, ti.u32) * ti.u32(747796405) + ti.u32(1013904223)
         x = (x ^ ti.bit_shr(x, ti.u32(15))) * ti.u32(277803737)
         x = x ^ ti.bit_shr(x, ti.u32(13))
@@ -112,10 +114,10 @@ class Lanczos:
             self.dynamics.nodes.repeat_halo(0, k, j, m)
 
     def _amplitude(self) -> float:
-        """Norm of the vectors, sqrt(kg) m: all of it in the lightest node strains bars by 1e-6.
+        """Norm of the vectors, sqrt(kg) m.
 
-        Or by a hundredth of the weakest bar's eps_p: the kernels answer linearly then, and note no
-        history.
+        Even if all of it moved the lightest node, bars would be strained by no more than 1e-6 and a
+        hundredth of the least eps_p: the kernels respond linearly and leave the history alone.
         """
         d = self.dynamics
         mass = d.masses() if d.features.density else d.mass.to_numpy()
@@ -123,38 +125,39 @@ class Lanczos:
         return float(strain * d.lattice.spacing * np.sqrt(mass[mass > 0].min()))
 
     def largest(self) -> float:
-        """The largest eigenvalue of M^-1 K, (rad/s)^2; fields are left at zero."""
+        """The largest eigenvalue of M^-1 K, (rad/s)^2; displacements and velocities end at zero."""
         self.start(1.0)
         norm, _ = self.products()
         size = self._amplitude() / np.sqrt(norm)
         self.combine(size, 0.0, 0.0)
         norm *= size**2
         diagonal: list[float] = []
-        beside: list[float] = []
+        off_diagonal: list[float] = []
         found = 0.0
-        for _ in range(MOST):
+        for _ in range(MOST_STEPS):
             self.dynamics.kick(0, 1.0)
             product, square = self.products()
             diagonal.append(-product / norm)
             rest = square / norm - diagonal[-1] ** 2
-            matrix = np.diag(diagonal) + np.diag(beside, 1) + np.diag(beside, -1)
+            matrix = np.diag(diagonal) + np.diag(off_diagonal, 1) + np.diag(off_diagonal, -1)
             values, vectors = np.linalg.eigh(matrix)
             found = float(values[-1])
-            # the residual of the largest Ritz value; where nothing is left, it is exact
+            # residual of the largest Ritz value; without a rest the value is exact
             if rest <= 1e-12 * found**2 or rest * vectors[-1, -1] ** 2 <= (TOLERANCE * found) ** 2:
                 break
-            beside.append(float(np.sqrt(rest)))
-            self.combine(-diagonal[-1] / beside[-1], -1 / beside[-1], beside[-1])
+            off_diagonal.append(float(np.sqrt(rest)))
+            beta = off_diagonal[-1]
+            self.combine(-diagonal[-1] / beta, -1 / beta, beta)
         self.combine(0.0, 0.0, 0.0)
-        self.dynamics.kick(0, 0.0)  # the other buffer, too
+        self.dynamics.kick(0, 0.0)  # puts zeros into the other buffer, too
         return found
 
 
 def critical_time_step(dynamics: Dynamics) -> float:
     """2 / omega_max of the lattice at rest, s.
 
-    The Lanczos value approaches omega_max^2 from below; its tolerance of 1e-3 means half of that in
-    the time step. Displacements and velocities are left at zero.
+    The Lanczos value approaches omega_max^2 from below; a tolerance of 1e-3 there is half of
+    that in the time step. Displacements and velocities end at zero.
     """
     kept = vars(dynamics)  # another instance would compile its kernels anew
     if "estimate" not in kept:
@@ -173,9 +176,13 @@ def _least_peak_strain(dynamics: Dynamics) -> float:
 def largest_strains(
     dynamics: Dynamics, displacement: npt.NDArray[np.float64]
 ) -> tuple[float, float]:
-    """Largest and smallest strain of the bars that carry, at a displacement (2, *S, 3), m.
+    """Largest and smallest strain of the bars that are not broken.
 
-    NaN where a position is not finite; (0, 0) where there is no bar left.
+    Args:
+        displacement: (2, *S, 3), m.
+
+    Returns:
+        NaN where a position is not finite; (0, 0) where all bars are broken.
     """
     lattice, features = dynamics.lattice, dynamics.features
     carries = bar_weights(False)[lattice.code] > 0
@@ -196,8 +203,8 @@ def largest_strains(
             )
             rest = BAR_VECTORS[bar] * lattice.spacing
             with np.errstate(over="ignore", invalid="ignore"):
-                now = np.linalg.norm(second - first + rest, axis=-1)[carries[..., bar]]
-            strain = now / np.linalg.norm(rest) - 1
+                length = np.linalg.norm(second - first + rest, axis=-1)[carries[..., bar]]
+            strain = length / np.linalg.norm(rest) - 1
             extremes += [float(strain.max()), float(strain.min())]
     return max(extremes, key=_nan_first), min(extremes, key=lambda e: -_nan_first(-e))
 

@@ -11,35 +11,46 @@ from support.paths import CONFIGS
 
 from taichi_ldem.errors import SceneError
 from taichi_ldem.scene import load_scene
-from taichi_ldem.studies import convergence as conv
-from taichi_ldem.studies.convergence_cracking import mean_of, places
-from taichi_ldem.studies.convergence_runs import SEED_REACH, exact_wave, finite_elements, kind
+from taichi_ldem.studies.convergence import plan as plans
+from taichi_ldem.studies.convergence import records, report
+from taichi_ldem.studies.convergence.cracking import mean_of, places
+from taichi_ldem.studies.convergence.run import (
+    CRACKING,
+    IMPACT,
+    SEED_REACH,
+    VIBRATION,
+    WAVE,
+    exact_wave,
+    finite_elements,
+    kind,
+)
+from taichi_ldem.studies.convergence.study import run
 
 
-def _row(seconds: float, error: float, modules: int = 4, timed: bool = False) -> conv.Row:
+def _row(seconds: float, error: float, modules: int = 4, timed: bool = False) -> records.Row:
     record: dict[str, Any] = {"spacing_m": 1 / modules}
-    return conv.Row(conv.Point(modules, 0.5), {"x": error}, seconds, 0.5, 1e-7, record, timed)
+    return records.Row(plans.Point(modules, 0.5), {"x": error}, seconds, 0.5, 1e-7, record, timed)
 
 
 @pytest.mark.parametrize("exponent", [1.0, 2.0, 0.7])
 def test_the_order_of_a_power_law_is_found(exponent: float) -> None:
     sizes = np.array([0.1, 0.2, 0.5])
-    assert conv.order(list(sizes), list(3 * sizes**exponent)) == pytest.approx(exponent)
+    assert report.order(list(sizes), list(3 * sizes**exponent)) == pytest.approx(exponent)
 
 
 def test_a_polynomial_is_extrapolated_to_its_value_at_zero() -> None:
     sizes = np.array([1.0, 2.0, 3.0])
-    assert conv.extrapolated(list(sizes), list(5 - sizes + 2 * sizes**2), 2) == pytest.approx(5)
-    assert conv.extrapolated(list(sizes), list(5 - sizes), 1) == pytest.approx(5)
+    assert records.extrapolated(list(sizes), list(5 - sizes + 2 * sizes**2), 2) == pytest.approx(5)
+    assert records.extrapolated(list(sizes), list(5 - sizes), 1) == pytest.approx(5)
 
 
 def test_a_single_error_has_no_order() -> None:
-    assert np.isnan(conv.order([0.1, 0.2], [0.0, 0.1]))
+    assert np.isnan(report.order([0.1, 0.2], [0.0, 0.1]))
 
 
 def test_the_front_holds_what_nothing_beats() -> None:
     rows = [_row(1, 0.5), _row(2, 0.6), _row(3, 0.1), _row(4, 0.1), _row(0.5, 1e-9, timed=True)]
-    assert conv.pareto(rows, "x") == [rows[0], rows[2]]
+    assert report.pareto(rows, "x") == [rows[0], rows[2]]
 
 
 def test_errors_of_histories_are_relative_mean_squares() -> None:
@@ -47,7 +58,7 @@ def test_errors_of_histories_are_relative_mean_squares() -> None:
     reference = {"time": time_s, "signals": {"f": [3.0, 4.0, 0.0, 9.0]}, "values": {"v": 2.0}}
     record = {"time": time_s, "signals": {"f": [3.0, 4.0, 1.0, 0.0]}, "values": {"v": 1.9}}
     # |(0, 0, 1)| over |(3, 4, 0)|: the last row, which may be a step late, is left out
-    assert conv.differences(record, reference) == pytest.approx({"f": 0.2, "v": 0.05})
+    assert records.differences(record, reference) == pytest.approx({"f": 0.2, "v": 0.05})
 
 
 def test_a_wave_that_comes_late_is_slow() -> None:
@@ -58,33 +69,33 @@ def test_a_wave_that_comes_late_is_slow() -> None:
 
     reference = {"time": list(time_s), "signals": {"displacement": pulse(5.0)}, "flight_s": 4.0}
     record = {"time": list(time_s), "signals": {"displacement": pulse(5.2)}}
-    # over the same way in 4.2 instead of 4 s: 1 - 4 / 4.2
-    assert conv.differences(record, reference)["speed"] == pytest.approx(0.2 / 4.2, rel=1e-3)
+    # over the same distance in 4.2 instead of 4 s: 1 - 4 / 4.2
+    assert records.differences(record, reference)["speed"] == pytest.approx(0.2 / 4.2, rel=1e-3)
 
 
 def test_advice_names_the_cheapest_that_is_good_enough() -> None:
-    study = conv.Study(Path(), load_scene(CONFIGS / "wave.toml"), conv.WAVE, Path(),
-                       conv.Plan((4,), 0, 4, "x"))  # fmt: skip
+    study = records.Study(Path(), load_scene(CONFIGS / "wave.toml"), WAVE, Path(),
+                       plans.Plan((4,), 0, 4, "x"))  # fmt: skip
     rows = [_row(1, 0.04, 2), _row(2, 0.02, 3), _row(9, 0.009, 8)]
-    one, five = conv.advice(study, rows)
+    one, five = report.advice(study, rows)
     assert "choose 8 modules" in one
     assert "costs 9 s" in one
     assert "choose 2 modules" in five
-    assert "None of these" in conv.advice(study, rows[:2])[0]
+    assert "None of these" in report.advice(study, rows[:2])[0]
 
 
-def _wave_records(study: conv.Study, folder: Path) -> None:
+def _wave_records(study: records.Study, folder: Path) -> None:
     """Records of pulses that come late by h^2, and early by a hundredth of the step squared."""
     time_s, scene = np.linspace(0.0, 10.0, 401), study.scene
 
     def write(name: str, at: float, **more: object) -> None:
         pulse = {"displacement": list(np.exp(-((time_s - at) ** 2)))}
-        told = {"time": list(time_s), "signals": pulse, **more}
-        (folder / f"{name}.json").write_text(json.dumps(told))
+        record = {"time": list(time_s), "signals": pulse, **more}
+        (folder / f"{name}.json").write_text(json.dumps(record))
 
     exact = {"flight_s": 4.0, "speed_m_s": 1677.0, "continuum_m_s": 1678.0}
     write("reference", 5.0, **exact)
-    fine = conv.Point(study.plan.timed, conv.FINE_STEP)
+    fine = plans.Point(study.plan.timed, plans.FINE_STEP)
     for point in [*study.points(), *study.steps(), fine]:
         edge = scene.plate.size[2] / point.modules
         late = (edge / scene.plate.size[2]) ** 2 - 0.01 * point.share**2
@@ -96,17 +107,17 @@ def _wave_records(study: conv.Study, folder: Path) -> None:
 
 def test_a_wave_s_report_is_written_from_what_has_run(tmp_path: Path) -> None:
     file = CONFIGS / "wave.toml"
-    study = conv.Study(file, load_scene(file), conv.WAVE, tmp_path, conv.PLANS[conv.WAVE])
+    study = records.Study(file, load_scene(file), WAVE, tmp_path, plans.PLANS[WAVE])
     study.claim(False)
     _wave_records(study, tmp_path)
-    assert conv.run(file, tmp_path) == 0
+    assert run(file, tmp_path) == 0
     assert (tmp_path / "convergence.png").stat().st_size > 10_000
-    space, in_time = conv.orders(study, study.rows())["speed"]
+    space, in_time = report.orders(study.rows())["speed"]
     # of second order in both, as made up; the step adds a little to the one in space
     assert space == pytest.approx(2.0, abs=0.1)
     assert in_time == pytest.approx(2.0, abs=0.1)
-    report = (tmp_path / "convergence.md").read_text()
-    assert "For an error of 5 % in the speed, choose 3 modules" in report  # 1 - 4 / 4.11 = 2.7 %
+    text = (tmp_path / "convergence.md").read_text()
+    assert "For an error of 5 % in the speed, choose 3 modules" in text  # 1 - 4 / 4.11 = 2.7 %
     with (tmp_path / "convergence.csv").open() as stream:
         rows = list(csv.DictReader(stream))
     assert len(rows) == len(study.points()) + len(study.steps())
@@ -115,17 +126,17 @@ def test_a_wave_s_report_is_written_from_what_has_run(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "what"),
     [
-        ("impact_convergence", conv.IMPACT),
-        ("modes_convergence", conv.VIBRATION),
-        ("modes_convergence_clamped", conv.VIBRATION),
-        ("impact_convergence_cracking", conv.CRACKING),
-        ("wave", conv.WAVE),
+        ("impact_convergence", IMPACT),
+        ("modes_convergence", VIBRATION),
+        ("modes_convergence_clamped", VIBRATION),
+        ("impact_convergence_cracking", CRACKING),
+        ("wave", WAVE),
     ],
 )
 def test_scenes_say_what_they_are_a_reference_for(name: str, what: str) -> None:
     scene = load_scene(CONFIGS / f"{name}.toml")
     assert kind(scene) == what
-    plan = conv.PLANS[what]
+    plan = plans.PLANS[what]
     for modules in (*plan.modules, plan.reference or 4):  # every side a whole number of modules
         finer = load_scene(CONFIGS / f"{name}.toml", [f"plate.modules_through_thickness={modules}"])
         np.testing.assert_allclose(finer.plate.actual_size, scene.plate.size, rtol=1e-12)
@@ -141,7 +152,7 @@ def test_a_clamped_plate_needs_finite_elements(
 ) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(SceneError, match="install scikit-fem"):
-        conv.run(CONFIGS / "modes_convergence_clamped.toml", tmp_path)
+        run(CONFIGS / "modes_convergence_clamped.toml", tmp_path)
 
 
 def test_finite_elements_approach_kirchhoffs_clamped_plate() -> None:
@@ -167,8 +178,7 @@ def test_the_exact_wave_has_the_continuum_s_speed() -> None:
 def test_another_scene_s_runs_are_not_taken(tmp_path: Path) -> None:
     scenes = [load_scene(CONFIGS / f"{name}_convergence.toml") for name in ("impact", "modes")]
     first, second = (
-        conv.Study(Path(), scene, conv.IMPACT, tmp_path, conv.PLANS[conv.IMPACT])
-        for scene in scenes
+        records.Study(Path(), scene, IMPACT, tmp_path, plans.PLANS[IMPACT]) for scene in scenes
     )
     first.claim(False)
     (tmp_path / "2_modules.json").write_text("{}")

@@ -8,9 +8,10 @@ from typing import Any
 import pytest
 
 from taichi_ldem.errors import SceneError
-from taichi_ldem.studies import extremes
-from taichi_ldem.studies.extreme_bench import REFUSED, STABLE, STOPPED, Case, Seen
-from taichi_ldem.studies.extreme_cases import CASES
+from taichi_ldem.studies.extremes import study
+from taichi_ldem.studies.extremes.bench import Result
+from taichi_ldem.studies.extremes.case import REFUSED, STABLE, STOPPED, Case
+from taichi_ldem.studies.extremes.cases import CASES
 
 
 def test_there_are_as_many_cases_as_promised_with_names_of_their_own() -> None:
@@ -22,7 +23,7 @@ def test_there_are_as_many_cases_as_promised_with_names_of_their_own() -> None:
 
 
 def test_the_small_form_ends_as_predicted(tmp_path: Path) -> None:
-    assert extremes.run(tmp_path, quick=True, workers=1) == 0
+    assert study.run(tmp_path, quick=True, workers=1) == 0
     rows = (tmp_path / "extremes.csv").read_text().splitlines()
     assert len(rows) == 1 + sum(case.quick for case in CASES)
     assert (tmp_path / "extremes.png").stat().st_size > 0
@@ -33,7 +34,7 @@ def test_the_small_form_ends_as_predicted(tmp_path: Path) -> None:
 
 def test_a_case_that_no_name_fits_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match="no such case"):
-        extremes.run(tmp_path, only=["xyzzy"])
+        study.run(tmp_path, only=["xyzzy"])
 
 
 @pytest.mark.parametrize(
@@ -47,7 +48,7 @@ def test_a_case_that_no_name_fits_is_refused(tmp_path: Path) -> None:
 )
 def test_a_stop_counts_only_with_its_cause(outcome: str, message: str, agrees: bool) -> None:
     case = Case("c", "free", STOPPED, "theory", says="above the critical")
-    assert Seen(outcome, message).agrees(case) is agrees
+    assert case.agrees(Result(outcome, message)) is agrees
 
 
 def test_a_crash_takes_one_case_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -64,7 +65,7 @@ def test_a_crash_takes_one_case_with_it(tmp_path: Path, monkeypatch: pytest.Monk
         return subprocess.CompletedProcess(command, 0, "", "")
 
     monkeypatch.setattr(subprocess, "run", run)
-    seen = {case.name: found for case, found in extremes._group("free", cases, tmp_path)}
+    seen = {case.name: found for case, found in study._group("free", cases, tmp_path)}
     assert [seen[name].outcome for name in "abc"] == [STABLE, "crashed", STABLE]
     assert "-11" in seen["b"].message
     assert "fault" in seen["b"].message

@@ -249,8 +249,13 @@ class RigidBody(NearbyNodes):
         return mass
 
     @ti.func
-    def put(self, number, s, k, j, i, now, time_step, damping, displacement):
-        """Move a node to a displacement (f64); return impulse (``component``) and both works."""
+    def put(self, number, now, time_step, damping, displacement):
+        """Move a listed node to a displacement (f64).
+
+        Returns:
+            impulse on the plate (see ``component``), N s, and the works before and after t_n, J.
+        """
+        s, k, j, i = self.site_of(number)
         old = ti.cast(self.dynamics.node_displacement(now, s, k, j, i), ti.f64)
         free = ti.cast(self.dynamics.node_velocity(s, k, j, i), ti.f64)
         velocity = (displacement - old) / ti.cast(time_step, ti.f64)

@@ -139,7 +139,7 @@ class Grips(RigidBody):
                 if ti.static(not self.held):
                     free = ti.cast(self.dynamics.node_displacement(1 - now, s, k, j, i), ti.f64)
                     target += free - self.component(free) * direction
-                gained = self.put(number, s, k, j, i, now, time_step, damping, target)
+                gained = self.put(number, now, time_step, damping, target)
                 gained[0] *= 0.5 * sign
                 works += gained
                 self.before[number] = self.dynamics.node_velocity(s, k, j, i)

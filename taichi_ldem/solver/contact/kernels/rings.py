@@ -127,7 +127,7 @@ class Rings(RigidBody):
                 if ti.static(self.listed_anew):
                     held, target = self.held_at(s, k, j, i, now, spacing)
                 if held:
-                    works += self.put(number, s, k, j, i, now, time_step, damping, target)
+                    works += self.put(number, now, time_step, damping, target)
                 self.before[number] = self.dynamics.node_velocity(s, k, j, i)
             if chunk < self.chunks():
                 self.store_chunk(chunk, works)

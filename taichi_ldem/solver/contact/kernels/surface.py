@@ -80,9 +80,7 @@ class FrictionlessBody(RigidBody):
                 depth, normal = self.overlap(number, now, spacing, displacement)
                 if depth > 0:
                     new = ti.cast(self.dynamics.node_displacement(1 - now, s, k, j, i), ti.f64)
-                    works += self.put(
-                        number, s, k, j, i, now, time_step, damping, new + depth * normal
-                    )
+                    works += self.put(number, now, time_step, damping, new + depth * normal)
                 self.before[number] = self.dynamics.node_velocity(s, k, j, i)
             if chunk < self.chunks():
                 self.store_chunk(chunk, works)

@@ -1,8 +1,8 @@
-"""One run of the convergence study in a process of its own: signals, cost, nothing judged.
+"""One run of the convergence study in a process of its own: its signals and its cost.
 
-    python -m taichi_ldem.studies.convergence_runs SCENE.toml FILE.json [--set KEY=VALUE ...]
+    python -m taichi_ldem.studies.convergence.run SCENE.toml FILE.json [--set KEY=VALUE ...]
 
-What is measured follows from the scene (``kind``). Compiling and reading are not timed.
+The scene's kind decides what is measured (``kind``). Compilation and samples are not timed.
 """
 
 import json
@@ -24,16 +24,17 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 SEED_REACH = 0.1
-"""Of a cracking scene's striker from its own place, in thicknesses: half of a module of five."""
+"""Largest distance of the striker from the scene's place along x and y, in thicknesses of the
+plate, for a cracking scene: half a module where five fill the thickness."""
 
 IMPACT, VIBRATION, WAVE, CRACKING = "impact", "vibration", "wave", "cracking"
 
 
 def kind(scene: Scene) -> str:
-    """What a scene is a reference for.
+    """The kind of study that a scene is made for.
 
     Raises:
-        SceneError: it is for none.
+        SceneError: no kind fits.
     """
     if scene.scenario == "wave":
         return WAVE
@@ -71,9 +72,9 @@ def run(scene: Scene, mode: Path | None = None) -> dict[str, Any]:
     compiled = time.perf_counter() - started
     wall, used, samples = time.perf_counter(), time.process_time(), 0.0
     for sample in simulation.samples():
-        looked = time.process_time()
+        before = time.process_time()
         reader.take(sample)
-        samples += time.process_time() - looked
+        samples += time.process_time() - before
     used, wall = time.process_time() - used - samples, time.perf_counter() - wall
     return {
         **reader.signals(),
@@ -99,7 +100,7 @@ def _step_exactly(simulation: "Simulation") -> None:
 
 
 class _Impact:
-    """The striker's velocity and the impulses that it and the clamp have given."""
+    """The striker's velocity, and the impulses of striker and clamp on the plate."""
 
     def __init__(self, simulation: "Simulation"):
         self.simulation = simulation
@@ -107,7 +108,7 @@ class _Impact:
         self.rows: list[tuple[float, ...]] = []
 
     def take(self, sample: "Sample") -> None:
-        """Note a sample."""
+        """Add a sample."""
         self.error = max(self.error, sample.energy_error)
         observed = sample.observed
         # forces are impulses over the time since the sample before
@@ -127,7 +128,7 @@ class _Impact:
 
 
 class _Vibration:
-    """The lowest elastic mode set free: its frequency, from the motion along its own shape."""
+    """Free vibration in the lowest elastic mode: its frequency from the motion along it."""
 
     def __init__(self, simulation: "Simulation", mode: Path | None):
         self.simulation = simulation
@@ -142,16 +143,16 @@ class _Vibration:
                 np.savez(mode, frequency=self.frequency, shape=shape)
         mass = simulation.dynamics.masses()[..., None]
         self.weight = mass * shape / float((mass * shape**2).sum())
-        # bars turn by far less than 1e-6: the lattice is linear
+        # bars rotate by far less than 1e-6, so the lattice is linear
         amplitude = 1e-6 * simulation.spacing
         simulation.start_from(amplitude * shape, np.zeros_like(shape))
         self.weight /= amplitude
 
     def take(self, sample: "Sample") -> None:
-        """Note a sample."""
+        """Add a sample."""
         self.error = max(self.error, sample.energy_error)
-        moved = self.simulation.displacement_before()
-        self.rows.append((sample.time, float((self.weight * moved).sum())))
+        displacement = self.simulation.displacement_before()
+        self.rows.append((sample.time, float((self.weight * displacement).sum())))
 
     def signals(self) -> dict[str, Any]:
         """The frequency in time and that of the eigenvalue problem, Hz."""
@@ -159,12 +160,12 @@ class _Vibration:
 
         at, along = np.array(self.rows).T
 
-        def miss(unknown: Array) -> Array:
+        def misfit(unknown: Array) -> Array:
             ratio, a, b = unknown
             phase = 2 * math.pi * self.frequency * ratio * at
             return np.asarray(a * np.cos(phase) + b * np.sin(phase) - along)
 
-        fit = least_squares(miss, (1.0, 1.0, 0.0), xtol=1e-15, ftol=1e-15, gtol=1e-15).x
+        fit = least_squares(misfit, (1.0, 1.0, 0.0), xtol=1e-15, ftol=1e-15, gtol=1e-15).x
         return {
             "values": {"frequency": float(fit[0]) * self.frequency},
             "eigenfrequency_hz": self.frequency,
@@ -184,7 +185,7 @@ def lowest_elastic_mode(simulation: "Simulation") -> tuple[float, Array]:
 
 
 class _Wave:
-    """The displacement that a pulse brings to the second probe."""
+    """The displacement of a pulse at the second probe."""
 
     def __init__(self, simulation: "Simulation"):
         from taichi_ldem.scenarios.wave import Packet, Probes
@@ -197,18 +198,18 @@ class _Wave:
         self.probes.prepare(simulation)
 
     def take(self, sample: "Sample") -> None:
-        """Note a sample."""
+        """Add a sample."""
         self.error = max(self.error, sample.energy_error)
         self.probes.take(self.simulation, sample)
 
     def signals(self) -> dict[str, Any]:
-        """History at the second probe's own place, m, which not every resolution has a plane at."""
+        """History at the second probe's place, m, interpolated where no plane of nodes lies."""
         from scipy.interpolate import CubicSpline
 
-        moved = CubicSpline(self.probes.place, np.array(self.probes.seen), axis=1)(
+        displacement = CubicSpline(self.probes.place, np.array(self.probes.seen), axis=1)(
             self.packet.pulse.probes[1]
         )
-        return {"time": self.probes.times, "signals": {"displacement": moved.tolist()}}
+        return {"time": self.probes.times, "signals": {"displacement": displacement.tolist()}}
 
 
 def exact_wave(scene: Scene, sections: tuple[int, ...] = (3, 4, 6)) -> dict[str, Any]:
@@ -240,15 +241,15 @@ def exact_wave(scene: Scene, sections: tuple[int, ...] = (3, 4, 6)) -> dict[str,
         omega = np.asarray(weights) @ rows
         seen = packets[-1].probe_amplitudes[:count]
     turn = k[: len(omega), None] * place - omega[:, None] * time_s
-    moved = (seen[: len(omega), None] * np.exp(1j * turn)).sum(axis=0).real
+    displacement = (seen[: len(omega), None] * np.exp(1j * turn)).sum(axis=0).real
     if packets[0].pulse.kind != "bar":
         turn = k[:, None] * (2 * packets[0].ends[1] - place) - omega[:, None] * time_s
-        moved = moved + (seen[:, None] * np.exp(1j * turn)).sum(axis=0).real
+        displacement = displacement + (seen[:, None] * np.exp(1j * turn)).sum(axis=0).real
     speed = float(omega[1] / k[1])
     flight = (float(place[0]) - packets[0].pulse.position) / speed
     return {
         "time": time_s.tolist(),
-        "signals": {"displacement": moved.tolist()},
+        "signals": {"displacement": displacement.tolist()},
         "flight_s": flight,
         "speed_m_s": speed,
         "continuum_m_s": packets[0].reference[1],
@@ -258,7 +259,8 @@ def exact_wave(scene: Scene, sections: tuple[int, ...] = (3, 4, 6)) -> dict[str,
 def finite_elements(scene: Scene, levels: tuple[int, ...] = (2, 3)) -> dict[str, Any]:
     """The lowest bending frequency of a clamped plate by finite elements (scikit-fem), Hz.
 
-    A clamp's edge is singular and a staircase on the lattice: its series tells no reference.
+    The edge of a clamp is singular, and a staircase on the lattice, so the lattice's own series has
+    no reliable limit.
 
     Args:
         levels: of refinement; the last one's value counts, the others show its convergence.

@@ -1,8 +1,8 @@
 """Convergence of a cracking impact: times, forces, energies and cracks over several seeds.
 
-Cracks are chaotic: the striker a fraction of a module to the side takes them elsewhere. So every
-setting runs with the striker at the same few places near the plate's middle, and what converges is
-the mean, with its 95 % confidence interval.
+Cracks are chaotic: they differ when the striker is moved by a fraction of a module. Every setting
+therefore runs with the striker at the same few places near the plate's middle, and the means of
+these runs are compared, with their 95 % confidence intervals.
 """
 
 import csv
@@ -13,17 +13,16 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from taichi_ldem.analysis import signals
+from taichi_ldem.scene import Scene
 from taichi_ldem.storage.folder import RunFolder
-from taichi_ldem.studies.convergence_runs import SEED_REACH
-
-if TYPE_CHECKING:
-    from taichi_ldem.scene import Scene
-    from taichi_ldem.studies.convergence import Point, Study
+from taichi_ldem.studies.convergence.plan import Point
+from taichi_ldem.studies.convergence.records import Study
+from taichi_ldem.studies.convergence.run import SEED_REACH
 
 SHARES = ((0.5, "f64"), (0.9, "f64"), (0.5, "f32"))
 """Settings at the coarsest resolution; finer ones run with the first alone."""
@@ -40,7 +39,7 @@ QUANTITIES = {
 
 @dataclass(frozen=True)
 class Setting:
-    """What is varied, and its runs' numbers by quantity (those that a run shows)."""
+    """A setting and the numbers of its runs by quantity; a run may lack some of them."""
 
     modules: int
     share: float
@@ -67,7 +66,7 @@ def mean_of(values: Sequence[float]) -> tuple[float, float]:
     return float(np.mean(values)), half
 
 
-def places(scene: "Scene", seeds: int) -> list[tuple[float, float]]:
+def places(scene: Scene, seeds: int) -> list[tuple[float, float]]:
     """Places of the striker, m: within SEED_REACH of the thickness from the scene's own."""
     assert scene.striker is not None
     x, y = scene.striker.position
@@ -76,10 +75,8 @@ def places(scene: "Scene", seeds: int) -> list[tuple[float, float]]:
     return [(x + float(a), y + float(b)) for a, b in offsets]
 
 
-def run(study: "Study", seeds: int) -> int:
+def run(study: Study, seeds: int) -> int:
     """Run what is missing and write the study's files; returns 0."""
-    from taichi_ldem.studies.convergence import Point
-
     points = [Point(m, *SHARES[0]) for m in (*study.plan.modules, study.plan.reference)]
     points += [Point(study.plan.modules[0], *pair) for pair in SHARES[1:]]
     settings: list[Setting] = []
@@ -96,9 +93,7 @@ def run(study: "Study", seeds: int) -> int:
     return 0
 
 
-def _record(
-    study: "Study", point: "Point", seed: int, place: tuple[float, float]
-) -> dict[str, Any]:
+def _record(study: Study, point: Point, seed: int, place: tuple[float, float]) -> dict[str, Any]:
     """One run's numbers; `ldem impact` in a process of its own unless its folder is finished."""
     folder = study.out / f"{point.name}_seed{seed}"
     if not (folder / "summary.json").exists():
@@ -111,12 +106,12 @@ def _record(
     return read(folder, study.scene)
 
 
-def read(folder: Path, scene: "Scene") -> dict[str, Any]:
+def read(folder: Path, scene: Scene) -> dict[str, Any]:
     """The numbers of a finished run; peaks with a smoothing window that fits its plate."""
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     history = RunFolder(folder).read_history()
-    # signals smooths over a third of the first free oscillation's period of the paper's specimen:
-    # over the square of the rings' radius, as plates of one thickness go
+    # ``signals`` smooths over a third of the first period of the paper's specimen. Periods of
+    # plates of one thickness are proportional to the square of the rings' radius.
     assert scene.clamp is not None
     assert scene.clamp.inner_diameter is not None
     slower = (0.076 / scene.clamp.inner_diameter) ** 2
@@ -140,7 +135,7 @@ def read(folder: Path, scene: "Scene") -> dict[str, Any]:
     }
 
 
-def _setting(point: "Point", records: Sequence[dict[str, Any]]) -> Setting:
+def _setting(point: Point, records: Sequence[dict[str, Any]]) -> Setting:
     values = {name: [float(r[name]) for r in records if r[name] is not None] for name in QUANTITIES}
     seconds = float(np.mean([r["wall_s"] for r in records]))
     return Setting(point.modules, point.share, point.precision, values, seconds, len(records))

@@ -1,0 +1,1 @@
+"""Error against run time: ``ldem study convergence`` over resolution, time step, precision."""

@@ -1,0 +1,1 @@
+"""Stiff and extreme cases: ``ldem study extremes`` compares each with what theory predicts."""
