@@ -18,10 +18,10 @@ from argparse import ArgumentParser
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from studies.kills import differences
 from taichi_ldem.ensemble.attempt import FINISHED, RUNNING, Outcome, read_attempts
 from taichi_ldem.ensemble.conduct import reached_time
 from taichi_ldem.ensemble.plan import MEMBERS, Plan, read_plan
+from taichi_ldem.storage.compare import differences
 
 PATIENCE = 120.0
 """Limit on the seconds until the cluster, or both members, have started."""

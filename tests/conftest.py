@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 
 # Nearly all time of the tests goes into the compilation of kernels, and half of that into one pass
 # of Taichi. The pass removes loads and stores that LLVM removes anyway: without it, results are the
-# same to the last bit. Child processes inherit the setting. `test_regression`, which compares bits,
-# compiles as users do.
+# same to the last bit, which `test_regression` checks. Child processes inherit the setting.
 os.environ.setdefault("TI_CFG_OPTIMIZATION", "0")
 
 

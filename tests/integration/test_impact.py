@@ -99,6 +99,7 @@ def test_fields_agree_with_the_history(finished: RunFolder) -> None:
     assert inside.all()
 
 
+@pytest.mark.slow
 def test_same_history_with_one_and_two_threads(finished: RunFolder, scene: Path) -> None:
     out = scene.parent / "two"
     done = ldem("impact", str(scene), "--out", str(out), "--threads", "2", "--quiet")
@@ -134,6 +135,7 @@ def test_the_guard_stops_an_unstable_run(scene: Path) -> None:
     assert folder.read_summary() == {}
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not vulkan_device(), reason="no Vulkan device: apt install mesa-vulkan-drivers")
 def test_a_gpu_backend_cracks_the_same_plate(single: RunFolder, scene: Path) -> None:
     """Several whole steps a launch on Vulkan (a software device will do), strips on the CPU.

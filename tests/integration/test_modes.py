@@ -9,7 +9,6 @@ import pytest
 from support.command import ldem
 from support.paths import CONFIGS
 
-from studies import frequencies
 from taichi_ldem.cli import main
 from taichi_ldem.scene import load_scene, parse_scene, scene_to_toml
 
@@ -106,16 +105,3 @@ def test_only_modes_need_no_end_time(tmp_path: Path) -> None:
     assert parse_scene(data).modes is None
     with pytest.raises(ValueError, match="missing table '\\[solver\\]'"):
         parse_scene(data | {"scenario": "impact"})
-
-
-def test_errors_and_order_of_the_study() -> None:
-    exact = {"(0, 0)": [1000.0], "(1, 0)": [2000.0, 2000.0], "outside": [10.0]}
-    errors = {}
-    for n in (2, 4, 8):
-        off = 1 - 0.16 / n**2
-        found = {"(0, 0)": [1000 * off], "(1, 0)": [2000 * off, 2000 * off], "outside": [11.0]}
-        errors[n] = frequencies.pairs(found, exact)
-        assert errors[n] == pytest.approx({"(0, 0)": off - 1, "(1, 0)": off - 1})
-    assert frequencies.order({n: found["(0, 0)"] for n, found in errors.items()}) == pytest.approx(
-        2
-    )

@@ -1,4 +1,7 @@
-"""The small reference runs (see ``regression``): same bits on the machine that made them."""
+"""The small reference runs (see ``regression``): same bits on the machine that made them.
+
+As the tests compile them, without one of Taichi's passes, and (slow) as users do.
+"""
 
 import copy
 from typing import Any
@@ -6,10 +9,12 @@ from typing import Any
 import pytest
 from support import regression
 
+USERS = pytest.param(True, marks=pytest.mark.slow, id="as users do")
 
-@pytest.fixture(scope="module")
-def runs() -> dict[str, dict[str, Any]]:
-    return regression.all_runs()
+
+@pytest.fixture(scope="module", params=[pytest.param(False, id="as tests do"), USERS])
+def runs(request: pytest.FixtureRequest) -> dict[str, dict[str, Any]]:
+    return regression.all_runs(request.param)
 
 
 @pytest.mark.parametrize("name", regression.SCENES)

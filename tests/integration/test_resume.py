@@ -15,12 +15,12 @@ import pytest
 from support.command import COMMAND, SCENE, WITHOUT_VULKAN, ldem
 from support.paths import CONFIGS, ROOT
 
-from studies.kills import differences
 from taichi_ldem.errors import SceneError
 from taichi_ldem.scenarios.launch import summary_of
 from taichi_ldem.scenarios.registry import SCENARIOS
 from taichi_ldem.scene import parse_scene_text
 from taichi_ldem.storage import checkpoint as cp
+from taichi_ldem.storage.compare import differences
 from taichi_ldem.storage.durable import MemoryFile
 from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.storage.provenance import scene_hash
@@ -76,8 +76,8 @@ whole = end(simulation)
 assert broken[-1] > 20 and force[1] == 0 and max(force) > 1, (broken, force)
 
 kinds = set()
-other = Simulation(scene)
-other.compile()
+simulation.reset(scene)  # instead of a second simulation, which would compile all kernels again
+simulation.compile()
 for step, count, content in saved:
     at = min(count, len(rows) - 1)
     kind = (broken[at] > 0, broken[at] == broken[-1], force[at] > 0)
@@ -86,11 +86,11 @@ for step, count, content in saved:
     kinds.add(kind)
     read = checkpoint.decode(content)
     assert read.scene == scene and read.history == [{"time_s": 0.5, "n": 1, "f": None}]
-    other.restore_state(read.state)
-    assert other.step_number == step
-    again = [values(sample) for sample in other.samples()]
+    simulation.restore_state(read.state)
+    assert simulation.step_number == step
+    again = [values(sample) for sample in simulation.samples()]
     assert again == rows[count:], (step, count)
-    for mine, theirs in zip(whole, end(other)):
+    for mine, theirs in zip(whole, end(simulation)):
         np.testing.assert_array_equal(mine, theirs)
 print(len(kinds))
 """

@@ -129,6 +129,7 @@ def test_a_folder_that_vanishes(scene: Path, tmp_path: Path) -> None:
     assert not out.exists()
 
 
+@pytest.mark.slow
 def test_a_folder_that_becomes_read_only(scene: Path, tmp_path: Path) -> None:
     without: list[str] = []
     if os.geteuid() == 0:  # root writes where it must not, unless it gives that up

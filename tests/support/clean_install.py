@@ -65,7 +65,7 @@ def build(where: Path) -> Path:
     assert not [name for name in inside if name.startswith(("tests", "configs", "outputs"))]
     with tarfile.open(sdist) as archive:
         names = [name.partition("/")[2] for name in archive.getnames()]
-    assert {"pyproject.toml", "README.md", "LICENSE", "taichi_ldem/cli.py"} <= set(names)
+    assert {"pyproject.toml", "README.md", "LICENSE", "taichi_ldem/cli/app.py"} <= set(names)
     return wheel
 
 

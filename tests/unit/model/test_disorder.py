@@ -366,6 +366,7 @@ np.savez(sys.argv[2], rows=rows, displacement=simulation.displacement(),
 """
 
 
+@pytest.mark.slow
 def test_threads_change_no_bit_and_the_ledger_closes(tmp_path: Path) -> None:
     results = []
     for threads in ("1", "2"):

@@ -5,9 +5,8 @@ import pytest
 from support.blocks import DAMAGE, block_scene
 from support.paths import CONFIGS
 
-from studies.leave_out import table
 from taichi_ldem.scenarios.describe import left_out
-from taichi_ldem.scenarios.leave_out import KERNELS_OF_EVERYTHING, Cost, everything, kernels
+from taichi_ldem.scenarios.leave_out import KERNELS_OF_EVERYTHING, everything, kernels
 from taichi_ldem.scene import load_scene
 from taichi_ldem.solver.memory import field_bytes
 
@@ -50,13 +49,13 @@ def test_kernels_are_those_of_the_features() -> None:
     ]
 
 
-def test_a_scene_of_everything_compiles_the_number_of_kernels_that_is_printed(taichi: None) -> None:
+def test_a_scene_of_everything_compiles_the_number_of_kernels_that_is_printed(
+    taichi: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from taichi_ldem.solver import stability
     from taichi_ldem.solver.simulation import Simulation
 
+    # the kernels are counted, not run: the estimate of the critical step would compile some
+    monkeypatch.setattr(stability, "critical_time_step", lambda dynamics: 1e-8)
     simulation = Simulation(everything(block_scene(12, 12, 2, material=DAMAGE)))
     assert len(kernels(simulation)) == KERNELS_OF_EVERYTHING
-
-
-def test_the_table_gives_both_costs_and_their_shares() -> None:
-    text = table({"impact": (Cost(20, 50_000_000, 7, 3.0), Cost(30, 100_000_000, 8, 6.0))})
-    assert "| impact | 20, 30 | 50.00, 100.00 | 7, 8 | 3, 6 | 50 % | 50 % |" in text

@@ -220,6 +220,7 @@ def test_impulses_of_contact_and_damping_change_the_momentum(pressed: "Simulatio
         before, given = after, total
 
 
+@pytest.mark.slow  # one kernel of four unrolled steps takes a minute to compile
 def test_several_steps_a_launch_are_the_same_steps(taichi: None) -> None:
     """As a GPU takes them: whole passes, four steps a kernel, over a new listing of nodes."""
     from taichi_ldem.solver.simulation import STEPS_A_LAUNCH, STEPS_BETWEEN_LISTS, Simulation

@@ -1,6 +1,7 @@
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -113,7 +114,7 @@ def test_the_guard_looks_at_the_plate_itself(
     ("share", "strain", "cause"),
     [
         (0.9, 0.3, "stretched bars lower the critical time step"),
-        (0.5, -0.9, "a bar turns round"),
+        (0.5, -0.9, "a bar near zero length turns round"),
         (0.5, 0.01, "a collision too fast"),
     ],
 )
@@ -251,36 +252,42 @@ np.savez(out, rows=rows, displacement=simulation.displacement(), bars=bars)
 """
 
 
-@pytest.fixture(scope="module")
-def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, np.ndarray]]:
-    """A cracking plate under a striker, in f64 and f32, each on one and on two threads."""
-    folder = tmp_path_factory.mktemp("runs")
-    results = {}
-    for precision in ("f64", "f32"):
-        for threads in ("1", "2"):
-            path = folder / f"{precision}-{threads}.npz"
-            command = [sys.executable, "-c", RUN, precision, threads, str(path)]
+class Runs:
+    """A cracking plate under a striker, by precision and threads; each run when it is asked for."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.done: dict[str, dict[str, np.ndarray]] = {}
+
+    def __getitem__(self, name: str) -> dict[str, np.ndarray]:
+        """The arrays of a run, by a name as "f64-2": precision and threads."""
+        if name not in self.done:
+            path = self.folder / f"{name}.npz"
+            command = [sys.executable, "-c", RUN, *name.split("-"), str(path)]
             done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
             assert done.returncode == 0, done.stderr[-2000:]
             assert done.stdout == ""  # Taichi's banner is kept off it
             with np.load(path) as data:
-                results[f"{precision}-{threads}"] = dict(data)
-    return results
+                self.done[name] = dict(data)
+        return self.done[name]
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Runs:
+    return Runs(tmp_path_factory.mktemp("runs"))
 
 
 TIME, TRAVEL, VELOCITY, FORCE, RING, BROKEN, ERROR, ERROR_OF_PLATE = range(8)
 
 
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-def test_the_number_of_threads_changes_no_bit(
-    runs: dict[str, dict[str, np.ndarray]], precision: str
-) -> None:
+@pytest.mark.parametrize("precision", ["f64", pytest.param("f32", marks=pytest.mark.slow)])
+def test_the_number_of_threads_changes_no_bit(runs: Runs, precision: str) -> None:
     one, two = runs[f"{precision}-1"], runs[f"{precision}-2"]
     for name in one:
         np.testing.assert_array_equal(one[name], two[name])
 
 
-def test_the_plate_cracks_and_the_energy_is_there(runs: dict[str, dict[str, np.ndarray]]) -> None:
+def test_the_plate_cracks_and_the_energy_is_there(runs: Runs) -> None:
     rows = runs["f64-2"]["rows"]
     assert rows[-1, BROKEN] == len(runs["f64-2"]["bars"]) > 20
     assert np.all(np.diff(rows[:, BROKEN]) >= 0)
@@ -297,7 +304,7 @@ def test_the_plate_cracks_and_the_energy_is_there(runs: dict[str, dict[str, np.n
     np.testing.assert_allclose(velocity[1:], expected, atol=0.02)
 
 
-def test_single_precision_follows_double(runs: dict[str, dict[str, np.ndarray]]) -> None:
+def test_single_precision_follows_double(runs: Runs) -> None:
     double, single = runs["f64-2"]["rows"], runs["f32-2"]["rows"]
     whole = double[:, BROKEN] == 0
     assert np.count_nonzero(whole) >= 3

@@ -10,7 +10,7 @@ from taichi_ldem.model.lattice import Lattice, prism
 from taichi_ldem.scene import Material
 
 
-@pytest.mark.parametrize("law", [None, "bilinear"])
+@pytest.mark.parametrize("law", [pytest.param(None, marks=pytest.mark.slow), "bilinear"])
 def test_whole_passes_and_strips_are_the_same_step(taichi: None, law: str | None) -> None:
     """A GPU takes the passes one after the other, a site to a lane: the same to the last bit."""
     from taichi_ldem.solver.dynamics import Dynamics, Features

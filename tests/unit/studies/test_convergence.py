@@ -168,6 +168,7 @@ def test_finite_elements_approach_kirchhoffs_clamped_plate() -> None:
     assert 0.9 < found / kirchhoff < 1.0
 
 
+@pytest.mark.slow
 def test_the_exact_wave_has_the_continuum_s_speed() -> None:
     exact = exact_wave(load_scene(CONFIGS / "wave.toml"), (2, 3, 4))
     # sections of 2, 3 and 4 modules are 3.6, 2.5 and 1.9 % slow

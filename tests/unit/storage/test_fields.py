@@ -1,6 +1,5 @@
-"""The run folder and its files: what goes in comes out, also after interruptions."""
+"""Stored fields and broken bars, read back by VTK and by the package, also after a kill."""
 
-import json
 import signal
 import subprocess
 import sys
@@ -9,6 +8,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from support.refusals import one_line
 
 from taichi_ldem.errors import SceneError
 from taichi_ldem.storage.fields import (
@@ -18,144 +18,6 @@ from taichi_ldem.storage.fields import (
     read_fields,
     read_times,
 )
-from taichi_ldem.storage.folder import RunFolder
-from taichi_ldem.storage.history import HistoryWriter
-
-
-def one_line(error: pytest.ExceptionInfo[SceneError]) -> str:
-    message = str(error.value)
-    assert message
-    assert "\n" not in message
-    return message
-
-
-# --- run folder -----------------------------------------------------------------------------------
-
-
-def test_a_new_folder_is_made_with_its_parents(tmp_path):
-    folder = RunFolder.create(tmp_path / "outputs" / "impact", force=False)
-    assert folder.path.is_dir()
-    assert folder.history_file == tmp_path / "outputs" / "impact" / "history.csv"
-
-
-def test_checking_makes_nothing(tmp_path):
-    RunFolder.check(tmp_path / "outputs" / "impact", force=False)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_folder_with_anything_in_it_is_refused_and_left_alone(tmp_path):
-    (tmp_path / "history.csv").write_text("old\n")
-    with pytest.raises(SceneError) as error:
-        RunFolder.create(tmp_path, force=False)
-    assert "--force" in one_line(error)
-    assert (tmp_path / "history.csv").read_text() == "old\n"
-
-
-def test_force_removes_what_a_run_writes_and_nothing_else(tmp_path):
-    own = ["scene.toml", "history.csv", "fields.vtkhdf", "summary.json", "force.png"]
-    own += ["crack_map.png", "crack_7.5ms_below.png", "shot_1.4ms.png"]
-    own += ["shot_1.4ms_above_x0.png", "shot_2ms_cut_az25_el-35_z1e-05_energy.png"]
-    foreign = ["shot_1.4ms_mine.png", "notes.md", "photo.png", "crack_photo.png", "scene.toml.bak"]
-    for name in (*own, *foreign):
-        (tmp_path / name).write_text("x")
-    (tmp_path / "sub").mkdir()
-    RunFolder.create(tmp_path, force=True)
-    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([*foreign, "sub"])
-
-
-@pytest.mark.parametrize("force", [False, True])
-def test_a_file_in_the_folders_place_is_refused(tmp_path, force):
-    (tmp_path / "run").write_text("precious")
-    for path in (tmp_path / "run", tmp_path / "run" / "deeper"):
-        with pytest.raises(SceneError) as error:
-            RunFolder.create(path, force=force)
-        assert str(path) in one_line(error)
-    assert (tmp_path / "run").read_text() == "precious"
-
-
-@pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs Linux's unwritable /proc")
-def test_a_place_where_nothing_can_be_written_is_refused():
-    with pytest.raises(SceneError) as error:
-        RunFolder.create(Path("/proc/run"), force=False)
-    assert "/proc/run" in one_line(error)
-
-
-def test_opening_names_what_is_missing(tmp_path):
-    with pytest.raises(SceneError) as error:
-        RunFolder.open(tmp_path / "absent")
-    assert "no such folder" in one_line(error)
-    (tmp_path / "scene.toml").touch()
-    with pytest.raises(SceneError) as error:
-        RunFolder.open(tmp_path)
-    assert "history.csv" in one_line(error)
-    (tmp_path / "history.csv").touch()
-    assert RunFolder.open(tmp_path).path == tmp_path
-
-
-# --- summary and history --------------------------------------------------------------------------
-
-
-def test_summary_is_valid_json_without_nan(tmp_path):
-    folder = RunFolder.create(tmp_path / "run", force=False)
-    assert folder.read_summary() == {}
-    values = {"a": np.float32(0.5), "b": np.int64(7), "c": float("nan"), "d": [np.inf, 1.5]}
-    folder.write_summary({**values, "e": {"f": np.float64("nan")}, "g": None, "h": True})
-    expected = {"a": 0.5, "b": 7, "c": None, "d": [None, 1.5], "e": {"f": None}, "g": None}
-    assert folder.read_summary() == {**expected, "h": True}
-    json.loads(folder.summary_file.read_text(), parse_constant=pytest.fail)
-    assert [p.name for p in folder.path.iterdir()] == ["summary.json"]
-
-
-def test_a_summary_that_cannot_be_written_leaves_the_old_one(tmp_path):
-    folder = RunFolder.create(tmp_path / "run", force=False)
-    folder.write_summary({"steps": 1})
-    with pytest.raises(TypeError):
-        folder.write_summary({"steps": object()})
-    assert folder.read_summary() == {"steps": 1}
-
-
-def test_history_keeps_every_bit(tmp_path):
-    folder = RunFolder.create(tmp_path / "run", force=False)
-    rng = np.random.default_rng(1)
-    times = np.cumsum(rng.random(50))
-    with HistoryWriter(folder.history_file, ("time_s", "force_n", "broken_bars")) as history:
-        for n, time in enumerate(times):
-            history.append((time, float(time) / 3.0, n))
-            assert len(folder.read_history()["time_s"]) == n + 1  # on disk at once
-    table = folder.read_history()
-    assert list(table) == ["time_s", "force_n", "broken_bars"]
-    np.testing.assert_array_equal(table["time_s"], times)
-    np.testing.assert_array_equal(table["force_n"], times / 3.0)
-    assert folder.history_file.read_text().splitlines()[1].endswith(",0")
-
-
-def test_a_history_line_cut_off_by_a_kill_is_dropped(tmp_path):
-    folder = RunFolder.create(tmp_path / "run", force=False)
-    # 12.5 may have been 12.5678: a last line without its end is not to be trusted.
-    folder.history_file.write_text("time_s,force_n\n0.0,1.0\n0.5,2.0\n1.0,12.5")
-    np.testing.assert_array_equal(folder.read_history()["force_n"], [1.0, 2.0])
-    folder.history_file.write_text("time_s,force_n\n")
-    assert folder.read_history()["time_s"].shape == (0,)
-
-
-@pytest.mark.parametrize("text", ["", "time_s,force_n\n1.0\n", "time_s\nabc\n", "a,b\n1,2\n3\n"])
-def test_what_is_no_history_is_refused(tmp_path, text):
-    folder = RunFolder.create(tmp_path / "run", force=False)
-    folder.history_file.write_text(text)
-    with pytest.raises(SceneError) as error:
-        folder.read_history()
-    assert "history.csv" in one_line(error)
-
-
-def test_a_row_of_another_length_is_refused(tmp_path):
-    with (
-        HistoryWriter(tmp_path / "history.csv", ("time_s", "force_n")) as history,
-        pytest.raises(ValueError, match="2"),
-    ):
-        history.append((1.0,))
-
-
-# --- mesh -----------------------------------------------------------------------------------------
 
 
 def test_one_module_is_vtks_hexahedron():
@@ -178,9 +40,6 @@ def test_mesh_has_the_corners_of_existing_modules_only():
     )
     np.testing.assert_allclose(points, sites[:, ::-1], atol=0)
     assert len(np.unique(hexahedra)) == len(points)
-
-
-# --- fields ---------------------------------------------------------------------------------------
 
 
 def make_fields(path: Path, steps: int = 3):
