@@ -1,4 +1,8 @@
-"""Arguments and options that several commands share, and how a scene is read with them."""
+"""Arguments and options that several commands share, and how a scene is read with them.
+
+Typer makes an option of every parameter of a command. This is the only reason why `ensemble` and
+`render` have more than seven parameters; they pass on plain values or one object.
+"""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
