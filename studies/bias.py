@@ -5,7 +5,7 @@
 Reads the members of ensembles (``ldem ensemble``) of one specimen, at the time of their radial map
 (t2). Those that differ in a seed or in the striker's place only are one group. Two directions of
 each radial crack are folded onto 0 (along an axis of the lattice) to 45 degrees: that of its tip
-from the striker's axis, and, weighed by length, those of the pieces of its path. <cos 4 theta> is 1
+from the striker's axis, and those of the pieces of its path, weighted by length. <cos 4 theta> is 1
 where all lie along the axes, -1 on the diagonals, 0 where none is preferred; its 95 % confidence
 interval is that of the members' means. Writes ``bias.md``, ``bias.csv`` and ``bias.png``.
 """
@@ -37,8 +37,9 @@ REPEATED = (SEED, "striker.position", "plate.perturbation_seed")
 """Keys whose variation makes specimens of one group."""
 
 PIECE = 6
-"""Pixels (modules) of a path whose chord is a direction of its own: fine enough to see a stair's
-steps as what they are on the whole, coarse enough that it is not only 0, 45 and 90 degrees."""
+"""Pixels (modules) of a path whose chord is a direction of its own: long enough that
+the chord of a staircase has more directions than 0, 45 and 90 degrees, and short enough to resolve
+the path."""
 
 CLOSE = 10.0
 """Degrees within which a tip counts as on an axis; two ninths of all directions do."""
@@ -105,7 +106,7 @@ def read(ensembles: Sequence[Path]) -> dict[str, list[Specimen]]:
 
 
 def label(row: Row) -> str:
-    """What a member's group is called: its disorder and perturbation, then other varied keys."""
+    """Name of a member's group: its disorder and perturbation, then other varied keys."""
     scene = row.member.scene
     cv = scene.disorder.fracture_energy_cv if scene.disorder else 0.0
     words = [f"CV {100 * cv:g} %" if cv else "homogeneous"]

@@ -1,16 +1,16 @@
-"""Which boundary gives which order of convergence: natural frequencies beside what is known.
+"""Order of convergence by kind of boundary: natural frequencies compared with known ones.
 
     python -m studies.boundaries [--modules 2 3 4 6]
 
 A centre node next to a face of the lattice has lost the bar that would cross the face. Strain along
-the face's normal is therefore carried by fewer bars there: a layer whose depth is in modules, and
-an error of first order, whether the face is free or fixed. Strain without that part is not touched
-by it, and the error is of second order, as in the bulk.
+the face's normal is therefore carried by fewer bars in a layer whose depth is a number of modules,
+which causes an error of first order, whether the face is free or fixed. For strains without that
+component the error is of second order, as in the bulk.
 
 - *Bending stiffness* of a plate without edges for uniform curvature, exact: a cylinder or a sphere
   strains the plate along its thickness, a saddle and a twist do not (nu (k_x + k_y) = 0).
 - *Thickness modes* of a plate without edges, exact: stretch and shear, faces free or fixed.
-- *A cube fixed on all six faces*, which are planes of nodes: nothing is free, jagged or singular.
+- *A cube fixed on all six faces*, which are planes of nodes: no face is free, jagged or singular.
 - *A plate between square rings* whose sides are planes of nodes: as the paper's, without stairs.
 """
 
@@ -80,7 +80,7 @@ def bending_stiffness(modules: int, curvature: tuple[float, float, float], nu: f
     """
     kx, ky, kxy = curvature
 
-    def thin(place: Array) -> Array:  # what Kirchhoff's plate does
+    def thin(place: Array) -> Array:  # the energy of Kirchhoff's plate
         x, y, z = place - [0.0, 0.0, modules / 2]
         bowl = 0.5 * kx * x * x + 0.5 * ky * y * y + kxy * x * y
         return np.array([(kx * x + kxy * y) * z, (kxy * x + ky * y) * z, -bowl])
@@ -97,8 +97,8 @@ def bending_stiffness(modules: int, curvature: tuple[float, float, float], nu: f
         matrix += spring * np.outer(row, row)
         load += spring * given * row.ravel()
         energy += 0.5 * spring * given**2
-    moved = np.linalg.lstsq(matrix, -load, rcond=None)[0]  # the layers may move together
-    energy += 0.5 * float(load @ moved)
+    response = np.linalg.lstsq(matrix, -load, rcond=None)[0]  # the layers may move together
+    energy += 0.5 * float(load @ response)
     form = (kx + ky) ** 2 - 2 * (1 - nu) * (kx * ky - kxy**2)
     return energy / (0.5 * modules**3 / 12 / (1 - nu**2) * form)
 
@@ -202,7 +202,7 @@ def cube_errors(modules: Sequence[int]) -> tuple[dict[int, float], float]:
 
 
 def ring_errors(modules: Sequence[int]) -> tuple[dict[int, float], float]:
-    """The same of the plate between square rings."""
+    """Relative errors of the plate's lowest frequency by size, and its finite elements' own."""
     rough, exact = (_reference(square_rings(refine)) for refine in (2, 3))
     size = (SIDE, SIDE, THICKNESS)
     found = {n: lowest_frequency(scene_of(size, n), on_square_rings) for n in modules}

@@ -24,21 +24,29 @@ from taichi_ldem.ensemble.plan import MEMBERS, Plan, read_plan
 from taichi_ldem.storage.compare import differences
 
 PATIENCE = 120.0
-"""Seconds for the cluster, or both members, to be under way."""
+"""Limit on the seconds until the cluster, or both members, have started."""
 
 
 @contextlib.contextmanager
 def cluster(folder: Path, workers: int) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
     """A scheduler and workers with one place each; its address and the workers."""
-    told = folder / "scheduler.json"
-    told.unlink(missing_ok=True)
+    contact_file = folder / "scheduler.json"
+    contact_file.unlink(missing_ok=True)
     module = (sys.executable, "-m", "distributed.cli.dask_scheduler")
-    words = ("--port", "0", "--host", "127.0.0.1", "--no-dashboard", "--scheduler-file", str(told))
+    words = (
+        "--port",
+        "0",
+        "--host",
+        "127.0.0.1",
+        "--no-dashboard",
+        "--scheduler-file",
+        str(contact_file),
+    )
     processes: list[subprocess.Popen[bytes]] = []
     with open(folder / "dask.log", "wb") as log:
         try:
             processes.append(subprocess.Popen([*module, *words], stdout=log, stderr=log))
-            address = _address(told)
+            address = _address(contact_file)
             command = (sys.executable, "-m", "distributed.cli.dask_worker", address)
             place = ["--no-nanny", "--nthreads", "1", "--no-dashboard"]
             place += ["--local-directory", str(folder)]
@@ -51,7 +59,7 @@ def cluster(folder: Path, workers: int) -> Iterator[tuple[str, list[subprocess.P
             for process in processes:
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     process.wait(10)
-                process.kill()  # a worker whose scheduler is gone may wait for ever
+                process.kill()  # a worker without its scheduler may wait for ever
                 process.wait()
 
 

@@ -1,7 +1,7 @@
-"""Frequencies against the number of modules through the thickness, beside finite elements.
+"""Frequencies against the number of modules through the thickness, compared with finite elements.
 
-Every size runs `ldem modes` in a process and a folder of its own; what is finished is not run
-again, so the study can be cut and resumed. `frequencies.md` holds the table, written after each
+Every size runs `ldem modes` in a process and a folder of its own. Finished sizes are not repeated,
+so the study can be interrupted and resumed. `frequencies.md` holds the table, written after each
 run:
 
     python -m studies.frequencies configs/modes.toml outputs/frequencies
@@ -55,7 +55,7 @@ def reference(scene: Scene, refine: int, count: int, folder: Path) -> dict[str, 
         by_name: dict[str, list[float]] = {}
         for frequency, name in sorted(found, key=lambda item: item[0]):
             by_name.setdefault(str(name), []).append(frequency)
-        if not scene.held:  # nothing to name them by: one ascending list without rigid motions
+        if not scene.held:  # unnamed modes: one ascending list without rigid motions
             every = sorted(f for values in by_name.values() for f in values)
             by_name = {"elastic": [f for f in every if f > 1e-3 * every[-1]]}
         file.write_text(json.dumps(by_name, indent=1) + "\n")

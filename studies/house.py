@@ -56,7 +56,7 @@ def measure(root: Path) -> dict[str, int]:
 
 
 def named(root: Path) -> Iterator[str]:
-    """A line for each file, function, import and circle that a good house would not have."""
+    """A line for each file, function, import and circle that breaks a rule."""
     graph = Graph(root / PACKAGE)
     for file in long_files(root):
         yield f"{file.relative_to(root)}: {lines_of([file])} lines"
@@ -111,7 +111,7 @@ def functions_of(file: Path) -> list[Function]:
 
 
 class Graph:
-    """Who imports whom inside a package.
+    """The imports between the modules of a package.
 
     Attributes:
         modules: dotted names. loading: what each imports when it is loaded; called: what its
@@ -141,7 +141,7 @@ class Graph:
         named = {f"{base}.{alias.name}" for alias in node.names}
         modules = {name for name in named if name in self.loading}
         if base in self.loading and len(modules) < len(named):
-            # a package hands names on from its own modules, which is no import of its importer
+            # a package that re-exports names of its own modules is not imported by them
             own = base == module.rpartition(".")[0] and self._is_package(base)
             modules |= set() if own else {base}
         return modules

@@ -1,7 +1,7 @@
-"""A run that is killed again and again, and resumed, against one that is never stopped.
+"""Compares a run that is killed and resumed many times with one that is never stopped.
 
 Signals come at random moments of set-up and stepping. At the end history, fields and broken bars
-must be those of the run that was left alone, to the last bit:
+must equal those of the uninterrupted run to the last bit:
 
     python -m studies.kills SCENE.toml outputs/kills --kills 50 --terms 10
 """
@@ -28,13 +28,13 @@ INTERVAL = 0.3
 
 @dataclass
 class Tally:
-    """What happened.
+    """Result of the study.
 
     Attributes:
-        signals: (signal, time that the history had reached, s; exit code), in order.
+        signals: (signal, last time of the history, s; exit code), in order.
         resumes: seconds from a command to its first step.
-        runs: runs that were compared with the one left alone.
-        differences: what differed, a line each.
+        runs: number of runs that were compared with the uninterrupted one.
+        differences: a line for each difference.
     """
 
     signals: list[tuple[str, float, int]] = field(default_factory=list)
@@ -44,7 +44,7 @@ class Tally:
 
 
 class Killer:
-    """Starts a run, sends it signals, resumes it, until all signals are used up."""
+    """Starts a run, sends it signals and resumes it, until all signals have been sent."""
 
     def __init__(self, scene: Path, out: Path, settings: Sequence[str], seed: int):
         self.command = [sys.executable, "-m", "taichi_ldem.cli"]
@@ -56,7 +56,7 @@ class Killer:
         self.tally = Tally()
 
     def run(self, kills: int, terms: int) -> Tally:
-        """Send so many SIGKILLs and SIGTERMs; runs that end meanwhile are begun again."""
+        """Send numbers of SIGKILL and SIGTERM; runs that end in the meantime are started again."""
         self._finish([*self.start, "--out", str(self.whole), "--force"])
         numbers = [signal.SIGKILL] * kills + [signal.SIGTERM] * terms
         self.rng.shuffle(numbers)
@@ -114,7 +114,7 @@ class Killer:
 
 
 def _stamp(folder: Path) -> tuple[int, int]:
-    """Changes when a run begins to step: it writes its history anew, then row by row."""
+    """State of the history file, which changes when a run begins to step."""
     try:
         stat = os.stat(folder / "history.csv")
     except OSError:
@@ -144,7 +144,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     times = [at for _, at, _ in tally.signals]
     codes = sorted({(name, code) for name, _, code in tally.signals})
     print(f"{len(tally.signals)} signals, {tally.runs} runs compared; exit codes: {codes}")
-    print(f"times reached: {[round(1e3 * at, 3) for at in times]} ms")
+    print(f"times at the signals: {[round(1e3 * at, 3) for at in times]} ms")
     if tally.resumes:
         low, middle, high = np.percentile(tally.resumes, (0, 50, 100))
         print(f"command to first step: {low:.1f} to {high:.1f} s, median {middle:.1f} s")

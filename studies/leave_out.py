@@ -1,4 +1,4 @@
-"""What every scene leaves out, in one table: fields, bytes, kernels and milliseconds a step.
+"""Savings by the features that scenes leave out: fields, bytes, kernels and milliseconds a step.
 
 python -m studies.leave_out configs/*.toml [--out DIR] [--rounds 3] [--threads N]
 """
@@ -14,7 +14,7 @@ from taichi_ldem.scene import load_scene
 
 
 def table(costs: dict[str, tuple[Cost, Cost]]) -> str:
-    """Every scene beside everything on its lattice, as Markdown."""
+    """Every scene compared with all features on its lattice, as Markdown."""
     heads = ["scene", "fields", "MB", "kernels", "ms/step", "bytes", "time"]
     heads[1:5] = [f"{head}: its own, everything" for head in heads[1:5]]
     lines = ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]

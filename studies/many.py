@@ -1,7 +1,7 @@
 """Many runs one after the other: the memory of a process that makes them must not grow.
 
-Two dozen scenes that differ in the striker's speed, in one process and then in a pool, each run
-into a folder of its own; printed is the resident memory after each:
+Two dozen scenes that differ in the striker's speed run in one process and then in a pool, each in
+a folder of its own. The resident memory after each run is printed:
 
     python -m studies.many SCENE.toml outputs/many --count 24 --workers 2
 """
@@ -66,8 +66,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with context.Pool(workers) as pool:
             records = pool.map(task, range(given.count), chunksize=1)
         for process, sizes in growth(records).items():
-            told = ", ".join(f"{size / 1e6:.0f}" for size in sizes)
-            print(f"{name}, process {process}: {told} MB", flush=True)
+            sizes_in_mb = ", ".join(f"{size / 1e6:.0f}" for size in sizes)
+            print(f"{name}, process {process}: {sizes_in_mb} MB", flush=True)
     return 0
 
 

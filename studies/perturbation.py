@@ -1,4 +1,4 @@
-"""What a perturbation of the node positions does to the lattice as a solid.
+"""Effect of perturbed node positions on the elastic constants of the lattice.
 
     python -m studies.perturbation [--modules 8 --seeds 4]
 
@@ -31,7 +31,7 @@ def _cube(modules: int, share: float, seed: int) -> Lattice:
 def constants(modules: int, share: float, seed: int) -> tuple[float, float, float]:
     """C11, C12, C44 over E of a periodic cell of modules, means over the three axes or planes.
 
-    Every node is free: the motion is a uniform strain plus what is periodic and balances it.
+    Every node is free: the motion is a uniform strain plus a periodic motion in equilibrium.
     """
     from scipy.sparse import csr_array, diags_array
     from scipy.sparse.linalg import splu

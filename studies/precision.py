@@ -1,11 +1,11 @@
-"""f32 against f64 over whole runs, beside the spread between seeds: a table from run folders.
+"""f32 compared with f64 over whole runs, and with the spread between seeds, from run folders.
 
     python -m studies.precision --double outputs/impact --single outputs/impact_f32
         [--seeds outputs/impact_cv10/* ...] [--out docs/...md]
 
-Nothing is run here: `ldem impact SCENE --out DIR --precision f32` makes the folders. The spread is
+The folders are those of `ldem impact SCENE --out DIR --precision f32`. The spread is
 the standard deviation between the folders of --seeds (random specimens, or the striker a fraction
-of a module to the side); a difference well inside it does not matter.
+of a module to the side); a much smaller difference is insignificant.
 """
 
 import json

@@ -1,8 +1,8 @@
-"""Which reading of the paper gives which of its figures: one thing varied at a time.
+"""Compares readings of the paper with its figures; each differs in one quantity.
 
 The paper's printed numbers contradict its equations (docs/reproduction.md). Every reading runs in a
-process and a folder of its own; what is finished is not run again, so the study can be cut and
-resumed:
+process and a folder of its own. Finished readings are not repeated, so the study can be interrupted
+and resumed:
 
     python -m studies.readings configs/impact.toml outputs/readings [--only NAME ...]
 """
@@ -18,15 +18,16 @@ MEASURED = "material.failure_strain=0.02238805970149254"  # 75 MPa / 3.35 GPa
 BRITTLE = "material.limit_strain=0.02238805970149254"
 FULL = "plate.surface_weights=false"
 PRINTED = ("material.failure_strain=0.01818", "material.limit_strain=0.02238")
-FASTER = "solver.safety=0.7"  # for time: brittle bars lose less energy to the step than others
-# past the first peak, with a larger step than the default, for time: compare with "early"
+# to save time: the energy error of brittle bars is smaller than that of others
+FASTER = "solver.safety=0.7"
+# past the first peak, with a larger step than the default to save time: compare with "early"
 EARLY = ("solver.duration=2.5e-3", "solver.safety=0.9", "output.image_times=[]")
 MIDDLE = "striker.position=[0.0002666666666666667, 0.0002666666666666667]"  # half of L
 
 
 @dataclass(frozen=True)
 class Reading:
-    """A named set of overrides of the base scene, and what it is."""
+    """A named set of overrides of the base scene, with its description."""
 
     name: str
     overrides: tuple[str, ...]
@@ -116,7 +117,7 @@ def table(folder: Path) -> str:
 
 
 def figure(folder: Path, file: Path) -> None:
-    """Draw the smoothed force of every reading, finished or not, beside the paper's marks."""
+    """Draw the smoothed force of every reading, finished or not, with the paper's marks."""
     import matplotlib
 
     matplotlib.use("Agg")

@@ -3,12 +3,15 @@
     python -m studies.size_effect ENSEMBLE [--number strength] [--over-homogeneous]
 
 Reads an ensemble that varies ``plate.modules_through_thickness`` and seeds (and anything else) and
-prints, for each group, mean and CV of a number of the summary with 95 % confidence intervals
-(Student's t; chi squared), and for each pair of resolutions of otherwise equal groups whether means
-(Welch's t test; and seed by seed, since one seed is one field at any resolution where there is a
-correlation length) and spreads (Brown and Forsythe's test: Levene's about the medians) differ.
-With ``--over-homogeneous`` numbers are taken over those of the homogeneous specimen with as many
-modules, whose own number depends on the modules where a notch or an edge does.
+prints two tables for a number of the summary:
+
+- for each group, mean and CV with 95 % confidence intervals (Student's t; chi squared);
+- for each pair of resolutions of otherwise equal groups, tests of equal means (Welch's t test, and
+  seed by seed, as a seed gives the same field at any resolution if there is a correlation length)
+  and of equal spreads (Brown and Forsythe's test: Levene's about the medians).
+
+With ``--over-homogeneous``, numbers are divided by that of the homogeneous specimen of the same
+modules, which depends on the modules if there is a notch or an edge.
 """
 
 import argparse

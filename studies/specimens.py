@@ -4,9 +4,9 @@
 
 Reads the members of ensembles of one specimen (``ldem ensemble``); those that differ in a seed or
 in the striker's place only are one group. Prints means with 95 % confidence intervals (Student's t)
-and the difference of every two groups (Welch's t test), in brackets where p >= 0.05, which does not
-show that they are alike. Forces are smoothed over a window that fits the specimen's oscillations
-(``convergence.cracking.read``).
+and the difference of every two groups (Welch's t test), in brackets where p >= 0.05, which does
+not prove that they are equal. Forces are smoothed over a window that fits the specimen's
+oscillations (``convergence.cracking.read``).
 """
 
 import argparse
@@ -64,7 +64,7 @@ def read_groups(ensembles: Sequence[Path], prefix: bool = False) -> dict[str, Gr
 
 
 def difference(first: Array, second: Array) -> tuple[float, float, float]:
-    """Of the first mean from the second over the second: value, half of the interval, p (Welch)."""
+    """Relative difference of the first mean from the second, half its interval, and p (Welch)."""
     from scipy.stats import ttest_ind
 
     test = ttest_ind(first, second, equal_var=False)

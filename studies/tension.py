@@ -1,7 +1,7 @@
 """Tension: elastic constants, one flat crack, size, direction and pulling speed.
 
-Every case runs in a process and a folder of its own; what is finished is not run again, so the
-study can be cut and resumed:
+Every case runs in a process and a folder of its own. Finished cases are not repeated, so the study
+can be interrupted and resumed:
 
     python -m studies.tension configs outputs/tension_study [--only NAME ...]
 
@@ -28,7 +28,7 @@ EDGE = 3.2e-3 / 6  # of a module of the paper's plate, m
 ENDS = ("grips.length=3e-4", "grips.lateral=free")  # the last nodes of both kinds, sliding freely
 WIDER_GRIPS = ("grips.length=3.2e-3",)  # a staircase end has few nodes in its last plane
 WEAK_SHARE = 0.3
-"""Share of strength and fracture energy that the weak plane of the flat cracks has left."""
+"""Remaining share of strength and fracture energy in the weak plane of the flat cracks."""
 WEAK_STRAIN = 0.005
 """Their eps_p: E G_f / (E eps_p)^2 is then 12.3 mm, 23 modules."""
 
@@ -53,7 +53,7 @@ def _prism(length: int, width: int, height: int) -> tuple[str, ...]:
 
 def _elastic(width: int, height: int, weights: bool) -> Case:
     length = max(24, width + height)
-    slower = length / 24  # the longer, the more time waves need
+    slower = length / 24  # longer specimens need more time for waves
     return Case(
         "elastic",
         f"elastic-{width}x{height}-{'weighted' if weights else 'full'}",
@@ -66,7 +66,7 @@ def _elastic(width: int, height: int, weights: bool) -> Case:
             "grips.velocity=0.512",  # a strain rate of 40 1/s in the shortest ones
             f"grips.ramp={1e-4 * slower}",
             f"solver.duration={3e-4 * slower}",
-            # nothing breaks: a larger step costs no accuracy, and the large ones take time
+            # elastic: a larger step costs no accuracy and saves time
             f"solver.safety={0.9 if width > 16 else 0.5}",
         ),
     )
@@ -213,7 +213,7 @@ def _run_weak(arguments: list[str]) -> int:
 
 
 def _numbers(folder: Path) -> dict[str, Any]:
-    """Summary of a run with what the tables need beside it."""
+    """Summary of a run with further values for the tables."""
     from taichi_ldem.scene import load_scene
     from taichi_ldem.storage.folder import RunFolder
 
@@ -239,7 +239,7 @@ def _numbers(folder: Path) -> dict[str, Any]:
 
 
 def _steepest(history: dict[str, Any], section: float) -> float:
-    """Largest dissipated energy within 5 us, J/m2: large where a crack runs by itself."""
+    """Largest dissipated energy within 5 us, J/m2: large where a crack runs unstably."""
     time, fracture = history["time_s"], history["fracture_j"] / section
     later = np.interp(time + 5e-6, time, fracture)
     return float((later - fracture).max())
@@ -323,7 +323,7 @@ def _stress_strain(axes: "Axes", folder: Path, case: Case, *, grips: bool) -> No
     end = rows_until_parted(c.force) + 1
     peak = int(np.argmax(stress[:end])) + 1 if not grips else end
     (line,) = axes.plot(x[:peak], stress[:peak], lw=1.8, label=case.meaning)
-    # behind the peak waves and the front of damage make a tangle
+    # curves after the peak overlap too much by waves and damage
     axes.plot(x[peak:end], stress[peak:end], lw=0.5, alpha=0.5, color=line.get_color())
 
 

@@ -1,8 +1,8 @@
-"""Speeds of plane waves on the lattice as the kernels run it, beside the exact relation.
+"""Speeds of plane waves on the lattice as the kernels run it, compared with the exact relation.
 
-A cube is filled with one travelling plane wave and read in its middle until its sides can disturb
-it: a phase that grows as omega t. Many wave vectors, polarisations and three Poisson's ratios,
-less than ten minutes on one core:
+A cube is filled with one travelling plane wave, whose phase is read in its middle until its sides
+can disturb it; the phase grows as omega t. The study covers many wave vectors, polarisations and
+three Poisson's ratios and takes less than ten minutes on one core:
 
     python -m studies.wave_speeds outputs/wave_speeds [--modules 40]
 
@@ -35,7 +35,7 @@ STRAIN = 1e-6
 PATCH = 3
 """Half the side of the cube that is read, in module edges."""
 MARGIN = 4
-"""Module edges that the lattice's fastest precursor is given over the fastest wave."""
+"""Margin for the lattice's fastest precursor ahead of the fastest wave, module edges."""
 WAVELENGTHS = (40, 20, 12, 8, 6, 5, 4)
 DIRECTIONS = {
     "[100]": (1.0, 0.0, 0.0),
@@ -71,7 +71,7 @@ class Wave(NamedTuple):
 
 
 def all_waves() -> Iterator[Wave]:
-    """What is measured: dispersion along four directions, anisotropy in the (001) plane."""
+    """The waves to be measured: dispersion along four directions, anisotropy in the (001) plane."""
     for name, vector in DIRECTIONS.items():
         for modules in WAVELENGTHS:
             for polarisation in ("P", "S1") if name in ("[100]", "[111]") else ("P", "S1", "S2"):
@@ -90,7 +90,7 @@ def cube(modules: int, poisson_ratio: float = 0.25) -> Scene:
     material = {"youngs_modulus": 3.35e9, "poisson_ratio": poisson_ratio, "density": 1190.0}
     return parse_scene(
         {
-            "scenario": "impact",  # of the paper's solver, with nothing in it that strikes
+            "scenario": "impact",  # the paper's solver settings, without a striker
             "plate": {"size": [modules * SPACING] * 3, "modules_through_thickness": modules},
             "material": material | {"damage": False},
             "solver": {"duration": 1e-3},
@@ -110,7 +110,7 @@ class Speed:
 
     @property
     def measured_continuous(self) -> float:
-        """The run's, with what central differences do to it taken out again."""
+        """The run's speed without the effect of central differences."""
         half = 0.5 * self.time_step
         return math.sin(half * self.measured * self.wave_number) / (half * self.wave_number)
 
@@ -135,8 +135,8 @@ def measure(simulation: "Simulation", medium: waves.Bulk, wave: Wave) -> Speed:
     every = max(1, int(end / step) // 20)
     times, turns = [], []
     while simulation.time <= end:
-        moved = simulation.displacement()[patch] @ shape
-        cosine, sine = np.linalg.lstsq(parts, moved, rcond=None)[0]
+        displacement = simulation.displacement()[patch] @ shape
+        cosine, sine = np.linalg.lstsq(parts, displacement, rcond=None)[0]
         times.append(simulation.time)
         turns.append(math.atan2(sine, cosine))
         simulation.advance(every)

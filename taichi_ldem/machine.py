@@ -83,9 +83,9 @@ def _limit_of_process() -> int | None:
 
 def peak_bytes() -> int | None:
     """Largest resident memory of this process so far, bytes; None where the system does not say."""
-    if sys.platform == "win32":
+    try:
+        import resource
+    except ImportError:  # Windows
         return None
-    import resource
-
     largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return largest if sys.platform == "darwin" else 1024 * largest

@@ -1,1 +1,1 @@
-"""One file for each scenario, their registry, and what their runs have in common."""
+"""One file for each scenario, their registry, and the code that their runs share."""

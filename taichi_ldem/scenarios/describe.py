@@ -1,4 +1,4 @@
-"""What a scene's inputs imply, and what was built for it: the text of ``ldem info``."""
+"""The text of ``ldem info``: what a scene's inputs imply, and what is built for it."""
 
 import math
 import tempfile
@@ -10,9 +10,11 @@ from rich.table import Table
 from rich.text import Text
 
 from taichi_ldem.model import material as mat
-from taichi_ldem.model.disorder import cv_from_shape, shape_of, varies
+from taichi_ldem.model.disorder import cv_from_shape, shape_of
 from taichi_ldem.scenarios import leave_out
-from taichi_ldem.scene import DISORDERED, Scene
+from taichi_ldem.scene import Scene
+from taichi_ldem.solver.contact import BODIES
+from taichi_ldem.solver.fields import Features
 from taichi_ldem.solver.memory import field_bytes
 
 if TYPE_CHECKING:
@@ -22,13 +24,13 @@ RESOLVED = 4
 """Modules that a correlation length should span."""
 
 LARGE_STRAIN = 0.2
-"""Peak strain above which no brittle material is."""
+"""Peak strain that no brittle material exceeds."""
 
 FAST = 0.1
-"""Striker's speed over that of longitudinal waves above which a plate is shot at, not struck."""
+"""Share of the speed of longitudinal waves above which a striker's speed is most likely a slip."""
 
 MANY_STEPS = 5e6
-"""More than forty times as many as the paper's test has."""
+"""Number of steps above which a remark is made; the paper's test has a fortieth of it."""
 
 LIGHTEST, HEAVIEST = 10.0, 25e3
 """Densities of solids, from foam to osmium, kg/m3."""
@@ -37,7 +39,7 @@ SOFTEST = 1e6
 """Young's modulus below which MPa or GPa are more likely, Pa: rubber is stiffer."""
 
 ROUNDED = 1e-4
-"""Relative change of a side by rounding to whole modules from which it is told."""
+"""Relative change of a side by rounding to whole modules above which a remark is made."""
 
 LEGEND = (
     "EA: axial stiffness of a bar; long., diag.: bars along the edges of a module and from its "
@@ -50,7 +52,7 @@ LEGEND_OF_DAMAGE = (
 
 
 def implied(scene: Scene) -> dict[str, str]:
-    """What follows from the inputs, without building anything: name -> value with unit."""
+    """Quantities that follow from the inputs without building anything: name -> value with unit."""
     plate, m = scene.plate, scene.material
     bars = mat.bar_families(m, plate.spacing, plate.stiffness)
     nx, ny, nz = plate.modules
@@ -99,7 +101,7 @@ def warnings(scene: Scene, steps: int | None = None) -> list[str]:
     """Remarks that a user should read before trusting a run, a line each.
 
     Args:
-        steps: of the run, where they are known.
+        steps: number of steps of the run; None: it is estimated.
     """
     plate, m = scene.plate, scene.material
     lines = _slips(scene, steps)
@@ -132,7 +134,7 @@ def warnings(scene: Scene, steps: int | None = None) -> list[str]:
 
 
 def _slips(scene: Scene, steps: float | None) -> list[str]:
-    """Numbers that are possible and rare: in another unit they would be common ones."""
+    """Remarks on numbers that are possible but unusual, most likely in the wrong unit."""
     plate, m, striker = scene.plate, scene.material, scene.striker
     lines = []
     for number, side in enumerate(plate.size):
@@ -183,7 +185,7 @@ def _slips(scene: Scene, steps: float | None) -> list[str]:
 
 
 def _steps(scene: Scene) -> float:
-    """About how many steps a run has, from the infinite lattice's critical time step."""
+    """Estimate of the number of steps from the critical time step of the infinite lattice."""
     from taichi_ldem.model.waves import bulk
 
     solver, plate = scene.solver, scene.plate
@@ -194,28 +196,13 @@ def _steps(scene: Scene) -> float:
 
 
 def left_out(scene: Scene) -> list[str]:
-    """Features that the scene does not name, and why: neither allocated nor compiled."""
-    uneven = {name for name in DISORDERED if varies(scene, name)}
-    absent = {
-        "bar history and broken-bar record (material.damage = false)": not scene.material.damage,
-        "damping (solver.damping = 0)": scene.solver.damping == 0,
-        "removed bars (no [[notch]])": not scene.notch,
-        "strength of every bar (no disorder of fracture_energy or youngs_modulus, or no damage)": (
-            not scene.material.damage or not uneven - {"density"}
-        ),
-        "modulus of every bar (no disorder.youngs_modulus_cv)": "youngs_modulus" not in uneven,
-        "offset of every node (plate.perturbation = 0)": scene.plate.perturbation == 0,
-        "mass of every node (no disorder.density_cv)": "density" not in uneven,
-        "striker contact (no [striker])": scene.striker is None,
-        "clamp contact (no [clamp], or free)": not scene.held,
-        "grips and gauge (no [grips])": scene.grips is None,
-        "support contact (no [supports])": scene.supports is None,
-    }
-    return [name for name, missing in absent.items() if missing]
+    """Features and bodies that the scene does not have, and why: neither allocated nor compiled."""
+    bodies = [body.absent for body in BODIES if body.table(scene) is None]
+    return [*Features.of(scene).left_out(), *bodies]
 
 
 def _disorder(scene: Scene, drawn: dict[str, tuple[float, float]]) -> dict[str, str]:
-    """Mean and CV of the fields that were drawn, beside what was asked for."""
+    """Mean and CV of the fields that were drawn, and those that the scene asks for."""
     rows = {}
     units = {"fracture_energy": (1.0, "J/m2"), "youngs_modulus": (1e-9, "GPa")}
     for name, (mean, cv) in drawn.items():
@@ -230,14 +217,14 @@ def _disorder(scene: Scene, drawn: dict[str, tuple[float, float]]) -> dict[str, 
 
 
 def _against_everything(scene: Scene, simulation: "Simulation", measured: bool) -> Table:
-    """Fields, bytes and kernels of the scene beside its lattice with everything switched on.
+    """Fields, bytes and kernels of the scene, and of its lattice with all features switched on.
 
     Args:
-        measured: milliseconds a step, too: each in processes of its own, one after the other.
+        measured: add milliseconds a step, measured in processes of their own, one at a time.
     """
     full = leave_out.everything(scene)
     table = Table("", "this scene", "everything on", "share", title="what is left out saves")
-    own = leave_out.cost(simulation)
+    cost = leave_out.cost(simulation)
     if measured:
         with tempfile.TemporaryDirectory() as folder:
             costs = leave_out.compare({"own": scene, "all": full}, Path(folder), 3)
@@ -245,14 +232,14 @@ def _against_everything(scene: Scene, simulation: "Simulation", measured: bool) 
             table.add_row(name, *(str(getattr(costs[which], name)) for which in ("own", "all")))
         rows = (("MB", "bytes", 1e-6), ("ms a step", "ms", 1.0))
         for name, value, scale in rows:
-            mine, whole = (getattr(costs[which], value) for which in ("own", "all"))
-            texts = [f"{scale * number:.3g}" for number in (mine, whole)]
-            table.add_row(name, *texts, f"{100 * mine / whole:.0f} %")
+            own, whole = (getattr(costs[which], value) for which in ("own", "all"))
+            texts = [f"{scale * number:.3g}" for number in (own, whole)]
+            table.add_row(name, *texts, f"{100 * own / whole:.0f} %")
         return table
-    mine, whole = field_bytes(scene), field_bytes(full)
-    texts = [f"{1e-6 * number:.2f}" for number in (mine, whole)]
-    table.add_row("MB of nodes and bars", *texts, f"{100 * mine / whole:.0f} %")
-    table.add_row("kernels", str(own.kernels), str(leave_out.KERNELS_OF_EVERYTHING))
+    own, whole = field_bytes(scene), field_bytes(full)
+    texts = [f"{1e-6 * number:.2f}" for number in (own, whole)]
+    table.add_row("MB of nodes and bars", *texts, f"{100 * own / whole:.0f} %")
+    table.add_row("kernels", str(cost.kernels), str(leave_out.KERNELS_OF_EVERYTHING))
     return table
 
 
@@ -260,11 +247,11 @@ def describe(scene: Scene, measured: bool = False, fields: bool = False) -> Grou
     """Everything that ``ldem info`` prints; builds the simulation for its true numbers.
 
     Args:
-        measured: time a step, too, beside everything switched on.
-        fields: the memory of every field, too.
+        measured: add the time of a step, with and without all other features.
+        fields: add the memory of every field.
 
     Raises:
-        SceneError: as building the simulation does.
+        SceneError: the simulation cannot be built.
     """
     from taichi_ldem.solver import backend
 
@@ -283,7 +270,7 @@ def describe(scene: Scene, measured: bool = False, fields: bool = False) -> Grou
     }
     sizes = simulation.field_bytes()
     rows |= _disorder(scene, simulation.drawn)
-    if scene.scenario == "modes":  # does not step in time
+    if scene.scenario == "modes":  # such a scene is not stepped in time
         del rows["time step"], rows["steps"]
     else:
         expected = simulation.measure_step() * simulation.steps

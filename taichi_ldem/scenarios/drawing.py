@@ -1,4 +1,4 @@
-"""How a run gets its figures: by a function that its caller hands in.
+"""Type of the function that draws a run's figures, which its caller passes on.
 
 Scenarios import neither Matplotlib nor the package ``output``.
 """

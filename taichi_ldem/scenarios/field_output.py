@@ -53,7 +53,7 @@ class FieldOutput:
         return 4 * (6 * len(self.at[0]) + int(self.module.sum()))
 
     def take(self, sample: "Sample") -> None:
-        """Write what is due at a sample, whose step has already been completed."""
+        """Write the fields that are due at a sample, whose step has been completed."""
         if self.damage and sample.broken_bars > self.broken:
             sites, bars = self.simulation.dynamics.new_broken()
             place = self.simulation.dynamics.lattice.bar_midpoints(sites, bars)
@@ -63,7 +63,7 @@ class FieldOutput:
             self.write(sample.time)
 
     def _drop_due(self, time_s: float) -> bool:
-        """Drop the output times that a sample has reached; whether there were any."""
+        """Drop the output times up to that of a sample, and return whether there were any."""
         before = len(self.due)
         slack = 0.5 * self.simulation.time_step
         self.due = [t for t in self.due if t > time_s + slack]
@@ -78,7 +78,7 @@ class FieldOutput:
             self.pending = []
 
     def write(self, at: float) -> None:
-        """Write the fields of the last sampled step under a time, s."""
+        """Write the fields of the last sampled step as those at a time, s."""
         self.flush()
         s = self.simulation
         displacement = s.displacement_before()[0][self.at]

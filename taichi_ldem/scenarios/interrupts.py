@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM, noted while work goes on and answered between two steps of it."""
+"""SIGINT and SIGTERM are recorded when they arrive and handled between two steps."""
 
 import contextlib
 import signal
@@ -17,7 +17,7 @@ class Signalled(Exception):
 
 @contextlib.contextmanager
 def signals_call(function: Callable[[int], None]) -> Iterator[None]:
-    """Have SIGINT and SIGTERM call a function with their number; the main thread only."""
+    """Let SIGINT and SIGTERM call a function with their number; only in the main thread."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -34,14 +34,14 @@ def signals_call(function: Callable[[int], None]) -> Iterator[None]:
 
 
 class Interrupts:
-    """Notes the first signals; a second SIGINT raises KeyboardInterrupt at once."""
+    """Records the first signals; a second SIGINT raises KeyboardInterrupt at once."""
 
     def __init__(self) -> None:
         self.number: int | None = None
 
     @contextlib.contextmanager
     def noted(self) -> Iterator[None]:
-        """Note signals instead of ending the process."""
+        """Record signals instead of ending the process."""
         with signals_call(self._note):
             yield
 
@@ -50,6 +50,6 @@ class Interrupts:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
     def answer(self) -> None:
-        """Raise ``Signalled`` where a signal has been noted."""
+        """Raise ``Signalled`` where a signal has been recorded."""
         if self.number is not None:
             raise Signalled(self.number)

@@ -40,7 +40,7 @@ def run(
 
 
 def summary_of(entry: Scenario) -> Summary:
-    """The function that sums up a run which can be resumed.
+    """The function that computes the summary of a run which can be resumed.
 
     Raises:
         SceneError: runs of this scenario take no checkpoints.

@@ -1,7 +1,7 @@
 """The cost of a scene compared with that of everything switched on: fields, bytes, kernels, time.
 
-Everything is: all features of ``solver.fields``, a striker and rings, on the scene's own lattice
-and in its precision. Both take turns in processes of their own; the medians of the rounds count.
+Everything means all features of ``solver.fields``, a striker and rings, on the scene's own lattice
+and in its precision. Both are measured in turn in processes of their own, and medians are taken.
 ``python -m taichi_ldem.scenarios.leave_out SCENE.toml`` prints one cost as JSON.
 """
 

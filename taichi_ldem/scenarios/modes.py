@@ -39,7 +39,7 @@ class Mode:
         number: from 1, in ascending order of frequency.
         frequency: Hz.
         residual: relative.
-        name: what its shape is called.
+        name: name of its shape.
         group: number of the group of modes with the same frequency, from 1.
     """
 
@@ -52,7 +52,7 @@ class Mode:
 
 @dataclass(frozen=True)
 class Shapes:
-    """What the figure of the modes is drawn from.
+    """The data of the figure of the modes.
 
     Attributes:
         modes: in ascending order of frequency.
@@ -76,8 +76,8 @@ def run(
         draw: draws the figure of the shapes; None: no figure.
 
     Returns:
-        DONE, STOPPED (the solver did not converge) or INTERRUPTED of ``ExitCode``. Only when it is
-        done, the folder holds more than the scene.
+        DONE, STOPPED (the solver did not converge) or INTERRUPTED of ``ExitCode``. Without DONE the
+        folder holds the scene only.
 
     Raises:
         SceneError: the scene or the folder is refused; nothing has been written then.
@@ -143,7 +143,7 @@ def _summary(
 
 
 def linearised(scene: Scene) -> tuple[Scene, list[str]]:
-    """The linear scene whose modes are computed, and the changes that make it so, a line each."""
+    """The linear scene whose modes are computed, and a line for each change of the scene."""
     notes: list[str] = []
     changes: dict[str, Any] = {}
     if scene.clamp is not None and scene.clamp.kind == "rings":

@@ -29,7 +29,7 @@ def make_console(quiet: bool) -> Console:
 def announce(
     console: Console, simulation: "Simulation", expected: float, bytes_per_frame: int
 ) -> None:
-    """Print what the scene implies, remarks on it, and what the run will cost.
+    """Print the quantities that the scene implies, remarks on them, and the cost of the run.
 
     Args:
         expected: time to compute, s.

@@ -1,4 +1,4 @@
-"""The scenarios: everything that the rest of the program has to know about each of them.
+"""The registry of the scenarios: all that the rest of the program knows about each of them.
 
 Commands, ``ldem resume``, ensembles, reports and figures read this table, and none of them knows a
 scenario by name. To add a scenario, write its file and add an entry here. The file defines either

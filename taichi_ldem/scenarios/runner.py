@@ -1,7 +1,7 @@
-"""From a scene to a run folder: what every scenario that steps in time has in common.
+"""From a scene to a run folder: the run of every scenario that steps in time.
 
 A scenario adds its numbers (``summary``) to those of the run. Files, progress, warnings and the
-guard are the same for all of them; figures are drawn by a function that the caller hands in.
+guard are the same for all of them; figures are drawn by a function that the caller passes on.
 
 A run can be stopped at any moment and resumed. Checkpoints are written between two steps: on the
 scene's interval of wall time, on SIGINT and SIGTERM, and at the end.
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 
 def columns(scene: Scene) -> list[str]:
-    """Names of the history's columns: those of features that the scene names."""
+    """Names of the history's columns, which depend on the features that the scene names."""
     present = bodies_of(scene)
     own = [observable for body in present for observable in body.observables]
     names = {
@@ -90,7 +90,7 @@ Summary = Callable[["Simulation", History, RunFolder], dict[str, Any]]
 
 @dataclass(frozen=True)
 class Instrument:
-    """What a run does that its scene does not describe. Such a run has no checkpoints.
+    """Actions of a run that its scene does not describe. Such a run has no checkpoints.
 
     Attributes:
         prepare: changes the simulation before its first step.
@@ -152,7 +152,7 @@ def resume(
     quiet: bool = False,
     draw: Draw | None = None,
 ) -> int:
-    """Resume a run from its last good checkpoint; returns what ``run`` does.
+    """Resume a run from its last good checkpoint; the exit codes are those of ``run``.
 
     Args:
         extend: simulated time to add after the scene's end, s.
@@ -179,7 +179,7 @@ def resume(
         simulation = _build(scene)
         recorder = _restored(folder, simulation, itertools.chain([latest], found))
         if extend:
-            folder.summary_file.unlink(missing_ok=True)  # first: the run is no longer finished
+            folder.summary_file.unlink(missing_ok=True)  # from here on the run is not finished
             folder.write_scene(scene_to_toml(scene))
         _note_origin(folder, simulation)
         console.print(f"resumed at t = {simulation.time:.6g} s, step {simulation.step_number}")
@@ -239,7 +239,7 @@ def _restored(
                     f"is later than solver.duration = {simulation.scene.solver.duration}"
                 )
             return Recorder(folder, simulation, checkpoint, name)
-        except ValueError as error:  # a SceneError of the fields' file is one, too
+        except ValueError as error:  # includes a SceneError of the fields' file
             print(f"refused: {folder.path / name}: {error}", file=sys.stderr)
     raise SceneError(f"'{folder.path}' has no checkpoint that can be resumed; run its scene again")
 
@@ -301,7 +301,7 @@ class Recorder:
         return self.stepped_before + time.monotonic() - self.begun
 
     def save(self) -> None:
-        """Put everything on the disk, the checkpoint last: it records how much there is."""
+        """Write everything to disk, the checkpoint last, which records the lengths of the files."""
         self.fields.flush()
         if self.checkpoints is None:
             return

@@ -1,4 +1,4 @@
-"""The one place that starts Taichi, and keeps its banner off stdout."""
+"""Starts Taichi, without its banner on stdout. No other module starts it."""
 
 import contextlib
 import ctypes

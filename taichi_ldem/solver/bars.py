@@ -1,8 +1,8 @@
 """Pass 1 of the step: the axial force of every bar, and the history of those that soften.
 
 A bar is evaluated once; what is stored is one scalar, its axial force over its current length. All
-lanes of a column are worked on at once. Damage is looked at bar by bar, and only in lanes where the
-elastic force comes close to that at eps_p or a bit says that a bar is more than elastic.
+lanes of a column are worked on at once. Damage is computed bar by bar, and only in lanes where the
+elastic force comes close to that at eps_p or a bit marks a bar as no longer elastic.
 
 Functions take the place of a column as a struct ``at`` with the integers ``k``, ``j``, ``m`` (the
 column) and, where bar scalars are stored, ``strip`` and ``row`` (of ``State.axial``). The struct
@@ -27,7 +27,7 @@ ALL = None
 """In place of a lane: every lane of a column at once."""
 
 TINY = 1e-12
-"""Least square of a bar's length ratio: a bar whose ends meet has no direction to push in."""
+"""Least square of a bar's length ratio, as the direction of a bar of zero length is undefined."""
 
 CLOSE = 1 - 1e-5
 """Share of the force at eps_p from which a bar's strain is compared with it: within the rounding of
@@ -274,7 +274,7 @@ class BarForces:
         """
         k, j, m = at.k, at.j, at.m
         force = ti.Matrix.zero(float, BARS_PER_SITE, self.state.lanes.width)
-        # how far the forces are above that of a bar close to eps_p
+        # excess of the forces over that of a bar close to eps_p
         excess = ti.Vector.zero(float, self.state.lanes.width)
         least = step.peak_strain
         if ti.static(self.state.features.strength):

@@ -1,4 +1,4 @@
-"""The lattice of a scene with all that the scene says of its material, built or filled again."""
+"""Builds the lattice of a scene with its material, or fills a built one again."""
 
 import math
 from dataclasses import fields, replace
@@ -77,10 +77,10 @@ def _fill(dynamics: Dynamics, scene: Scene, drawn: disorder.Drawn) -> Drawn:
 
 
 def build_dynamics(scene: Scene, in_strips: bool | None = None) -> tuple[Dynamics, Drawn]:
-    """The lattice's fields and kernels with all that a scene says of its material.
+    """The lattice's fields and kernels, filled with the material of a scene.
 
     Args:
-        in_strips: how the step is driven, if not as suits the backend (tests).
+        in_strips: whether the step is driven in strips; None: as suits the backend.
 
     Returns:
         The dynamics; mean and CV of the factors that were drawn, by property.

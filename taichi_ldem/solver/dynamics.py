@@ -48,7 +48,7 @@ class Dynamics(State):
         Args:
             bars: stiffness and strength of the bar families.
             density: kg/m3.
-            in_strips: how the passes are driven, if not as suits the backend (tests).
+            in_strips: whether the passes are driven in strips; None: as suits the backend.
         """
         super().__init__(lattice, features, in_strips)
         self.set_bars(bars)

@@ -136,7 +136,7 @@ class TangentOperator:
 
     @cached_property
     def largest(self) -> float:
-        """Highest eigenvalue, (rad/s)^2, from a few Lanczos steps; below the true one by 1e-3."""
+        """Highest eigenvalue, (rad/s)^2, from a few Lanczos steps; too low by up to 1e-3."""
         from scipy.sparse.linalg import LinearOperator, eigsh
 
         operator = LinearOperator((self.size, self.size), matvec=self, dtype=np.float64)
@@ -382,8 +382,9 @@ def lowest(
         vectors[:, part] = _lobpcg(inverse, vectors[:, part], vectors[:, locked], goal)
         done += ROUND
         values, residuals, scale = _ritz(operator, vectors, shift)
-        first = int(np.argmax(residuals > TOLERANCE))  # not converged, 0 where all are
-        # the others are kept orthogonal to those locked, whose errors must be small against theirs
+        # the first mode that has not converged; 0 if all have
+        first = int(np.argmax(residuals > TOLERANCE))
+        # free vectors stay orthogonal to the locked ones, whose errors must be much smaller
         goal = 0.1 * TOLERANCE * scale[first]
         locked = (residuals * scale <= goal) & (np.arange(size) < first)
         worst = residuals[:count].max()

@@ -13,7 +13,7 @@ from taichi_ldem.solver.state import State
 from taichi_ldem.solver.step import Step
 
 BATCH = 65536
-"""Broken bars that are fetched from the device at a time."""
+"""Number of broken bars that are fetched from the device at a time."""
 
 
 @ti.data_oriented
@@ -70,7 +70,7 @@ class Exchange:
     def get_acceleration(self, now: int) -> npt.NDArray[np.float64]:
         """(2, nz + 3, ny + 3, nx + 3, 3) M^-1 F of the bar forces at a buffer's displacement, m/s2.
 
-        The step itself evaluates it, from rest and for a second, so it is the run's own operator.
+        A step of one second from rest evaluates it, so it is the run's own operator.
         The history of the bars is updated; the other buffer becomes a copy of this one.
         """
         kept = self.get_velocity()
@@ -99,7 +99,7 @@ class Exchange:
 
     @ti.func
     def _collect_at(self, at, lane, found: ti.template(), count: ti.template()):
-        """Append a site's bars that broke since the last call; the order is any."""
+        """Append a site's bars that broke since the last call, in any order."""
         k, j, m = at.k, at.j, at.m
         recorded = int(self.state.recorded[k, j, m][lane])
         whole = self.state.stiffness[int(self.state.code[k, j, m][lane])]

@@ -1,6 +1,7 @@
 """The state of the lattice: one table of features and one of fields, both free of Taichi.
 
-A feature is what a scene may name beyond elasticity. A field is present where its features are.
+A feature is a property that a scene may have beyond elasticity. A field is present where its
+features are.
 Everything else that depends on which fields there are follows from the two tables: allocation and
 checkpoints (``state``), the bytes that a scene needs (``memory``), and the report of what a scene
 leaves out (``scenarios.leave_out``). A new field is a row of ``FIELDS``, a new feature is an
@@ -27,7 +28,7 @@ def _feature(
     """An attribute of ``Features``.
 
     Args:
-        what: the scene leaves out without the feature.
+        what: what a scene without the feature leaves out.
         absent_where: the keys of a scene without it.
         of: the attribute's value for a scene.
         on: tables that switch the feature on in a scene.
@@ -51,7 +52,7 @@ def _varying(scene: Scene) -> set[str]:
 
 @dataclass(frozen=True)
 class Features:
-    """What a scene names beyond elasticity; the rest is neither allocated nor compiled.
+    """Properties of a scene beyond elasticity; absent ones are neither allocated nor compiled.
 
     Attributes:
         law: name of the softening law, or None for an elastic lattice.
@@ -115,7 +116,7 @@ class Features:
 
     @property
     def damage(self) -> bool:
-        """Whether bars have a history at all."""
+        """Whether bars have a history."""
         return self.law is not None
 
     @property
@@ -223,7 +224,7 @@ class Row:
 
     Attributes:
         name: attribute of ``State``; the name in checkpoints where the field evolves.
-        meaning: what it holds.
+        meaning: meaning of its values.
         unit: of its values; "" for bits and ratios.
         shape: of each of its fields, for a layout.
         members: a key of MEMBERS.
@@ -344,8 +345,8 @@ FIELDS = (
 )  # fmt: skip
 """Every field of the lattice, in the order of allocation.
 
-What evolves is all that a step starts from: bar forces and the other buffer of displacements are
-overwritten in every step, and ``touched`` follows from the peak strains.
+The fields that evolve are the state from which a step starts. Bar forces and the other buffer of
+displacements are overwritten in every step, and ``touched`` follows from the peak strains.
 """
 
 

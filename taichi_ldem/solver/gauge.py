@@ -31,7 +31,7 @@ class Gauge:
 
     def __init__(self, dynamics: Dynamics, angle: float, length: float):
         self.dynamics = dynamics
-        self.nodes: Any = None  # a field as soon as the number of nodes is known
+        self.nodes: Any = None  # allocated when the number of nodes is known
         self.place(angle, length)
 
     def place(self, angle: float, length: float) -> None:

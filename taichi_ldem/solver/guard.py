@@ -1,4 +1,4 @@
-"""The guard: when a run is stopped, and what its message says of the place and the cause."""
+"""The guard: it stops a run that has become invalid, with the place and the likely cause."""
 
 from typing import TYPE_CHECKING
 
@@ -15,23 +15,23 @@ WARN_ERROR, STOP_ERROR = 0.01, 0.05
 """Energy errors at which a run warns and stops."""
 
 STOP_ERROR_OF_PLATE = 0.1
-"""Imbalance, over the energy that the plate holds, at which a run stops: a heavy striker's energy
-would hide it from STOP_ERROR. Sound runs stay below 0.03."""
+"""Imbalance over the energy of the plate at which a run stops. STOP_ERROR alone would miss it where
+a heavy striker dominates the energy. Valid runs stay below 0.03."""
 
 LEAST_SHARE = 1e-10
-"""Energy of the plate, over all that there is, from which its imbalance is judged."""
+"""Share of all energy that the plate must have before its imbalance is checked."""
 
 COARSEST = 1e-3
-"""Share of the largest elongation to which displacements must be known: rounding them heats the
-lattice in every step."""
+"""Largest rounding error of displacements over the largest elongation: rounding in every step heats
+the lattice."""
 
 EXTREME_TENSION, EXTREME_COMPRESSION = 0.2, -0.5
-"""Strains beyond which the message of a stopped run names them: that of a bar that should have
-broken long before, and that of a bar that is about to pass through zero length."""
+"""Strains beyond which the message of a stopped run names them: those of a bar that should have
+broken long before, and of a bar that is about to pass through zero length."""
 
 
 def check(simulation: "Simulation", sample: "Sample") -> None:
-    """Stop at the first NaN, at too large an imbalance, or where contact gives energy.
+    """Stop at the first NaN, at too large an imbalance, or where contact creates energy.
 
     Raises:
         SimulationStopped: with time, step, place and likely cause.
@@ -54,17 +54,17 @@ def check(simulation: "Simulation", sample: "Sample") -> None:
 
 
 def gained_in_contact(ledger: Ledger, start: Ledger | None) -> float:
-    """Energy that contact gave, over the energy that there was or that the plate has.
+    """Energy created by contact over the initial energy or that of the plate.
 
-    Contact should only take energy.
+    Contact should only dissipate energy.
 
     Args:
         start: the run's first ledger.
     """
     if start is ledger or start is None:
-        return 0.0  # half of the first step's works are not there yet
+        return 0.0  # half of the first step's works are still missing
     given = start.stored - ledger.kinetic_bodies + ledger.external
-    # before anything has touched, rounding of what presses on a ring is all that there is
+    # before the first contact there are only rounding errors of nodes that press on a ring
     least = LEAST_SHARE * start.stored
     scale = max(ledger.held_by_plate, abs(given), least)
     return -ledger.contact / scale if scale > 0 else 0.0
@@ -73,7 +73,7 @@ def gained_in_contact(ledger: Ledger, start: Ledger | None) -> float:
 def stopped(
     simulation: "Simulation", step: int, what: str, ledger: Ledger | None = None
 ) -> SimulationStopped:
-    """The error that says what happened, where, and the most likely cause."""
+    """The error with the event, its place and the most likely cause."""
     return SimulationStopped(
         f"t = {step * simulation.time_step:.6g} s, step {step}: {what}, fastest "
         f"{fastest_node(simulation)}; likely cause: {likely_cause(simulation, ledger)}"

@@ -1,6 +1,6 @@
 """Pass 2 of the step: bar forces gathered at the nodes and integrated in time (Eq. (3)).
 
-Central differences: velocities live half a step behind displacements. The new displacement goes
+Central differences: velocities are half a step behind displacements. The new displacement goes
 into the other of two buffers, so no node sees a neighbour that has already been updated. Both
 passes are gathers: nothing is summed atomically, and results do not depend on the number of
 threads.
@@ -49,8 +49,8 @@ class NodeUpdate:
     ):
         """Sum of the bar forces on a column's corner or centre nodes along an axis, N.
 
-        A bar with scalar a to the node that was X away pulls with a (X + u' - u). The sums of
-        a u', of a, and of the lever arms a X are taken apart, each in pairs.
+        A bar with scalar a and vector X to its other node pulls with a (X + u' - u). The sums of
+        a u', of a and of a X are computed separately, each in pairs.
         """
         a = [
             self.state.axial[bar][at.strip, rows[home[1] + 1], at.k + home[0], at.m + home[2]]
@@ -80,7 +80,7 @@ class NodeUpdate:
     def free_velocity(
         self, s: ti.template(), axis: ti.template(), rows, at: ti.template(), step: ti.template()
     ):
-        """Velocity along an axis after the time ``step.kick`` without any rigid body, m/s."""
+        """Velocity along an axis after the time ``step.kick`` without rigid bodies, m/s."""
         inverse_mass = self.state.lane_inverse_masses(s, at.k, at.j, at.m)
         force = self.force(s, axis, rows, at, step)
         before = self.state.velocity[s][axis][at.k, at.j, at.m]

@@ -1,4 +1,4 @@
-"""Sampling of a simulation: energies and what is read of the bodies, in one small array."""
+"""Samples of a simulation: the energies and the values of the bodies, in one small array."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,10 +20,10 @@ from taichi_ldem.solver.energy import EnergySums, Ledger
 from taichi_ldem.solver.state import field_apart
 
 LOST, POSITION = range(2)
-"""What is recorded of a body before a measured step: its losses after the last sample time before
-that step, and its displacement."""
+"""Values of a body recorded before a measured step: its losses after the last sample time, and its
+displacement."""
 
-# what a sample reads of a rigid body: its sums, what was recorded of it before the step, its
+# values of a rigid body in a sample: its sums, those recorded before the step, its
 # velocities before and after the step, and the most nodes that were ever near
 SUMS, RECORDED, VELOCITIES, NEAR = 0, 4, 6, 8
 ENTRIES = NEAR + 1
@@ -37,9 +37,9 @@ class Sample:
         time: s. step: its number.
         ledger: energies at that time.
         energy_error: imbalance over initial energy plus external work.
-        energy_error_of_plate: imbalance over what the plate was given.
+        energy_error_of_plate: imbalance over the energy given to the plate.
         broken_bars: so far.
-        observed: what the rigid bodies add, by the history's columns: see their declarations in
+        observed: values of the rigid bodies by the history's columns: see their declarations in
             ``contact``. A force is an impulse over the time since the last sample.
     """
 
@@ -58,7 +58,7 @@ class Sampler:
 
     Attributes:
         recorded: (bodies, 2) f64: see ``LOST``.
-        impulses: of every body at the last sample, N s, by name; 0 for bodies that there are not.
+        impulses: of every body at the last sample, N s, by name; 0 for absent bodies.
     """
 
     def __init__(self, bodies: list[RigidBody], energies: EnergySums):
@@ -67,12 +67,12 @@ class Sampler:
         self.start()
 
     def start(self) -> None:
-        """Forget the last sample."""
+        """Clear the last sample."""
         self.impulses = dict.fromkeys((body.name for body in BODIES), 0.0)
 
     @ti.kernel
     def record(self):
-        """Record what a measured step goes on from."""
+        """Record the values of the bodies before a measured step."""
         for n in ti.static(range(len(self.bodies))):
             self.bodies[n].add_up()
         ti.loop_config(serialize=True)
@@ -83,7 +83,7 @@ class Sampler:
 
     @ti.kernel
     def _collect(self, values: ti.types.ndarray()):
-        """Add up what a sample needs, into one small array."""
+        """Add up the values of a sample into one small array."""
         self.energies.add_up()
         for n in ti.static(range(len(self.bodies))):
             self.bodies[n].add_up()
@@ -103,7 +103,7 @@ class Sampler:
                 values[1 + n, NEAR] = self.bodies[n].count[1]
 
     def collected(self) -> tuple[Any, list[Reading]]:
-        """(5,) sums of the plate (see ``EnergySums``), and what was read of every body.
+        """(5,) sums of the plate (see ``EnergySums``), and the readings of all bodies.
 
         Raises:
             TooManyNodes: more nodes came near a body than its list holds.

@@ -1,4 +1,4 @@
-"""The state of a simulation between two steps: taken for a checkpoint, and continued from."""
+"""The state of a simulation between two steps, which a checkpoint holds."""
 
 from collections.abc import Mapping
 from dataclasses import fields
@@ -22,10 +22,10 @@ def _parts(simulation: "Simulation") -> dict[str, Any]:
 
 
 def saved_state(simulation: "Simulation") -> dict[str, npt.NDArray]:
-    """What the next step starts from, between two steps: arrays by names ``part/field``.
+    """The state from which the next step starts: arrays by names ``part/field``.
 
-    Of the time step only the critical one is kept, which a solver's rounding may change from
-    machine to machine; the rest follows from the scene.
+    The critical time step is included, as it may differ between machines by rounding; the time step
+    follows from it and the scene.
     """
     start = (
         [] if simulation.initial_ledger is None else list(vars(simulation.initial_ledger).values())
@@ -53,7 +53,7 @@ def restore_state(simulation: "Simulation", saved: Saved) -> None:
     """Continue from ``saved_state`` of a simulation of the same scene.
 
     Raises:
-        ValueError: what is saved does not fit; nothing has been changed then, or all is void.
+        ValueError: the arrays do not fit this simulation; its state is undefined then.
     """
     _refuse_unfit(simulation, saved)
     simulation.step_number, simulation.now = (

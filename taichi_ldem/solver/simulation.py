@@ -36,7 +36,7 @@ class Simulation:
 
     Args:
         scene: what to build; Taichi must have been started for it (``backend.start``).
-        in_strips: how the step is driven, if not as suits the backend (tests).
+        in_strips: whether the step is driven in strips; None: as suits the backend.
 
     Attributes:
         dynamics: the lattice's fields and kernels.
@@ -49,7 +49,7 @@ class Simulation:
         last_sampled: time of the latest sample, s; None before the first.
 
     Raises:
-        SceneError: K_r < 1, a clamp that holds nothing, or a time step above the critical one.
+        SceneError: K_r < 1, a clamp that holds no node, or a time step above the critical one.
     """
 
     def __init__(self, scene: Scene, in_strips: bool | None = None):
@@ -68,7 +68,7 @@ class Simulation:
         self._start_clock()
 
     def _read_numbers(self) -> None:
-        """Take from scene and lattice the numbers that a step is called with."""
+        """Set the parameters of a step from scene and lattice."""
         self.spacing = self.dynamics.lattice.spacing
         self.damping = self.scene.solver.damping
         self.peak_strain = self.dynamics.peak_strain
@@ -85,16 +85,16 @@ class Simulation:
     def reset(self, scene: Scene, lattice: Lattice | None = None) -> None:
         """Start again at t = 0 with the numbers of another scene, without compiling anything.
 
-        Free to change are the material's numbers, speeds, masses and sizes of the bodies, time
-        step, duration and seeds; the modules of the plate, its features and its bodies are not.
+        The scene may differ in the material's numbers, speeds, masses and sizes of the bodies, time
+        step, duration and seeds, but not in the modules of the plate, its features and its bodies.
 
         Args:
             lattice: another body of the same modules in place of the scene's plate.
 
         Raises:
             ValueError: the scene needs other fields or kernels.
-            SceneError: the scene is refused, as building it would be. After an error the simulation
-                has to be reset again before it can be stepped.
+            SceneError: the scene cannot be built. After an error the simulation has to be reset
+                again before it can be stepped.
         """
         started, wanted = self.scene.solver, scene.solver
         for name in ("arch", "precision", "threads"):
@@ -161,7 +161,7 @@ class Simulation:
         steps: ti.template(),
         measure: ti.template(),
     ):
-        """Take steps in whole passes, all in one kernel: none waits for Python."""
+        """Take steps in whole passes, all in one kernel, without returning to Python."""
         other = 1 - now
         for n in ti.static(range(steps)):
             if ti.static(n % 2 == 0):
@@ -207,7 +207,7 @@ class Simulation:
                 body.list_nodes(self.now, STEPS_BETWEEN_LISTS * self.time_step)
 
     def advance(self, steps: int) -> None:
-        """Take a number of steps without looking."""
+        """Take a number of steps without samples."""
         end = self.step_number + steps
         while self.step_number < end:
             listing = STEPS_BETWEEN_LISTS - self.step_number % STEPS_BETWEEN_LISTS
@@ -267,7 +267,7 @@ class Simulation:
         return sample
 
     def fracture_of(self, chosen: npt.NDArray[np.bool_]) -> tuple[float, int]:
-        """What some of the bars have dissipated so far, J, and how many of them are broken.
+        """Energy that some of the bars have dissipated, J, and the number of them that are broken.
 
         Args:
             chosen: (14, *S) the bars.
@@ -285,16 +285,16 @@ class Simulation:
         return float(total[FRACTURE]), int(total[BROKEN])
 
     def samples(self, between: Callable[[], None] = lambda: None) -> Iterator[Sample]:
-        """Run to the scene's end from where it is, yielding the history row by row.
+        """Run from the present time to the scene's end, yielding the history row by row.
 
-        The last row is the end's, also where it falls within an interval.
+        The last row is at the end, even within an interval.
 
         Args:
-            between: called now and then between two steps, where the state is whole.
+            between: called from time to time between two steps, when the state is complete.
 
         Raises:
-            SimulationStopped: a NaN, an energy error above 5 % or above a tenth of what the plate
-                holds, energy from contact, or debris all around a rigid body.
+            SimulationStopped: a NaN, an energy error above 5 % or above a tenth of the energy of
+                the plate, energy from contact, or debris all around a rigid body.
         """
         while self.step_number <= self.steps:
             due = -(-self.step_number // self.sample_every) * self.sample_every
@@ -314,7 +314,7 @@ class Simulation:
             between()
 
     def guard(self, sample: Sample) -> None:
-        """Stop at the first NaN, at too large an imbalance, or where contact gives energy.
+        """Stop at the first NaN, at too large an imbalance, or where contact creates energy.
 
         Raises:
             SimulationStopped: with time, step, place and likely cause.
@@ -322,14 +322,14 @@ class Simulation:
         guard.check(self, sample)
 
     def compile(self) -> None:
-        """Compile every kernel that a run needs; nothing has moved afterwards."""
+        """Compile every kernel that a run needs; the state is unchanged afterwards."""
         self._list_candidates()
         listed = [body.listed() for body in self.bodies]
         for body in self.bodies:
             body.set_nodes(np.zeros(0, dtype=np.int32))
         moving = [body for body in self.bodies if body.state is not None]
         states = [body.state.to_numpy() for body in moving]
-        self._take(0.0)  # a step of no length: all the work, and nothing moves
+        self._take(0.0)  # a step of zero length does all the work and changes nothing
         if self.steps_a_launch > 1:
             self._take(0.0, self.steps_a_launch)
         if not self.dynamics.in_strips:
@@ -347,7 +347,7 @@ class Simulation:
             self.dynamics.new_broken()
 
     def measure_step(self) -> float:
-        """Seconds that a step takes here, from a few at rest; contact comes on top."""
+        """Seconds of a step on this machine without contact, from a few steps at rest."""
         started = time.perf_counter()
         for _ in range(3):
             self.dynamics.step(self.now, 0.0, 0.0, 0.0, False)
@@ -369,14 +369,14 @@ class Simulation:
     # -----------------------------------------------------------------------------------
 
     def saved_state(self) -> dict[str, npt.NDArray]:
-        """What the next step starts from: see ``saving.saved_state``."""
+        """The state from which the next step starts: see ``saving.saved_state``."""
         return saving.saved_state(self)
 
     def restore_state(self, saved: saving.Saved) -> None:
         """Continue from ``saved_state`` of a simulation of the same scene.
 
         Raises:
-            ValueError: what is saved does not fit; nothing has been changed then, or all is void.
+            ValueError: the arrays do not fit this simulation; its state is undefined then.
         """
         saving.restore_state(self, saved)
 

@@ -62,7 +62,7 @@ class Lanczos:
 
     @ti.kernel
     def start(self, size: float):
-        """Put a random vector into displacement and velocity, zero where nothing can move."""
+        """Put a random vector into displacement and velocity, zero where there is no node."""
         nz, ny, nx = ti.static(self.dynamics.sites)
         owned = ti.static((HALO, HALO + self.dynamics.lanes.length))
         for k, j, m in ti.ndrange((1, nz - 1), (1, ny - 1), owned):

@@ -19,15 +19,15 @@ from taichi_ldem.solver.fields import FIELDS, LANES, MEMBERS, REAL, Features, La
 from taichi_ldem.solver.laws import law_named
 
 EVOLVING = tuple(row.name for row in FIELDS if row.evolves and row.name != "displacement")
-"""Fields that a checkpoint holds whole; of the displacement it holds one buffer."""
+"""Fields that a checkpoint holds completely; of the displacement it holds one buffer."""
 
 
 def field_apart(kind: Any, shape: tuple[int, ...] | int, numbers: int = 0) -> ti.Field:
     """A field whose numbers are not of Taichi's default width.
 
-    On SPIR-V backends it gets a tree of its own: in a tree that it shared with other widths, it
-    would be read and written in words that overlap its neighbours. LLVM's backends align it, and
-    hold no more than 512 trees in a process.
+    On SPIR-V backends it gets a tree of its own, because in a tree with fields of other widths its
+    words would overlap theirs. LLVM's backends align fields, and allow at most 512 trees in a
+    process.
 
     Args:
         kind: type of the numbers.
@@ -88,7 +88,7 @@ class State:
     """All fields of a lattice.
 
     Attributes:
-        lattice, features, layout: what the fields were built for.
+        lattice, features, layout: those that the fields were built for.
         sites, lanes, shape, in_strips: those of the layout.
         on_cpu: whether Taichi runs on the CPU.
         law: the softening law; None without damage.
@@ -120,7 +120,7 @@ class State:
     offset: list[list[ti.MatrixField]]
 
     def __init__(self, lattice: Lattice, features: Features, in_strips: bool | None = None):
-        """``in_strips``: how the passes are driven, if not as suits the backend (tests)."""
+        """``in_strips``: whether the passes are driven in strips; None: as suits the backend."""
         self.lattice, self.features = lattice, features
         config = ti.lang.impl.current_cfg()
         self.on_cpu = config.arch in (ti.x64, ti.arm64)
@@ -149,8 +149,8 @@ class State:
     def spacing(self) -> float:
         """Module edge as kernels have it, rounded to Taichi's float, m.
 
-        What touches the lattice must start from it: a ring at the exact height of a plate whose
-        nodes are single precision's higher would push them on the first step.
+        Bodies in contact with the lattice must start from it: a ring at the exact height of a plate
+        whose nodes are higher by rounding in f32 would push them in the first step.
         """
         return float(numpy_float()(self.lattice.spacing))
 
@@ -201,7 +201,7 @@ class State:
         stored = self.lanes.spread(np.moveaxis(np.where(exists, strength, np.inf), -1, 0))
         weakest = stored.min(axis=(0, -1))
         weakest[np.isinf(weakest)] = 1.0
-        # a hair below: the test compares forces, the history strains
+        # slightly below, as the test compares forces and the history compares strains
         self.weakest.from_numpy((weakest * (1 - 1e-6)).astype(numpy_float()))
 
     def set_modulus(self, modulus: npt.NDArray[np.float64]) -> None:
@@ -262,7 +262,7 @@ class State:
             self.touched.from_numpy(_lane_bits(self.removed.to_numpy() != 0))
 
     def saved_state(self, now: int) -> dict[str, npt.NDArray]:
-        """Copies of what the next step starts from, between two steps: (fields of a name, *sites).
+        """Copies of the state from which the next step starts: (fields of a name, *sites).
 
         The arrays are those of the lattice and not of its lanes, which depend on the machine.
 

@@ -4,7 +4,7 @@ On the CPU a thread takes a strip of rows and alternates between the passes row 
 bar scalars never leave its cache; the two rows at the borders of a strip are evaluated by both
 neighbours, with the same result. On a GPU each pass is a launch over all columns.
 
-The drivers know columns, rows and the numbers of a step, and nothing of bars or of nodes.
+The drivers depend on columns, rows and the numbers of a step, but neither on bars nor on nodes.
 """
 
 import taichi as ti
@@ -16,7 +16,7 @@ from taichi_ldem.solver.nodes import NodeUpdate
 from taichi_ldem.solver.state import State
 
 TURNS = 512
-"""Taichi hands a CPU thread at least this many turns of a parallel loop."""
+"""Least number of iterations of a parallel loop that Taichi gives to a CPU thread."""
 
 StepNumbers = ti.types.struct(
     spacing=ti.f64, kick=ti.f64, drift=ti.f64, damping=ti.f64, peak_strain=ti.f64
@@ -35,7 +35,7 @@ class Step:
         self._numbers: dict[tuple[float, ...], ti.Struct] = {}
 
     def numbers(self, kick: float, drift: float, damping: float) -> ti.Struct:
-        """The ``StepNumbers`` of a step; kept, since making one takes as long as a small step."""
+        """The ``StepNumbers`` of a step; reused, as creating one takes as long as a small step."""
         key = (self.state.lattice.spacing, kick, drift, damping, self.state.peak_strain)
         if key not in self._numbers:
             if len(self._numbers) > 16:
@@ -78,7 +78,7 @@ class Step:
 
     @ti.func
     def node_row(self, strip, j, step: ti.template(), measure):
-        """Pass 2 for a row; ``measure`` is asked once a row, so it costs no kernel."""
+        """Pass 2 for a row; ``measure`` is tested once a row and needs no kernel of its own."""
         if measure != 0:
             for k in range(1, self.state.sites[0] - 1):
                 for m in range(HALO, HALO + self.state.lanes.length):
@@ -166,5 +166,5 @@ class Step:
         launch(now, self.numbers(kick, drift, damping), measure)
 
     def kick(self, now: int, time_step: float, damping: float = 0.0) -> None:
-        """Add a time step's worth of bar forces to the velocities; nodes keep their places."""
+        """Change the velocities by the bar forces over a time step; nodes do not move."""
         self.take(now, time_step, 0.0, damping, False)

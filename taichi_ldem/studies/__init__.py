@@ -1,1 +1,1 @@
-"""Studies: many runs, one table."""
+"""Studies that are commands: each makes many runs and writes a table of them."""

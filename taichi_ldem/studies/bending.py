@@ -4,14 +4,14 @@
     python -m taichi_ldem.studies.bending configs/bend.toml outputs/bending [--spacings 5e-4 2.5e-4]
 
 Widths and notches span the paper's; the notches are rounded to where the lattice has its crack tips
-(``bend.notch_depth``). Every specimen runs in a process and a folder of its own; what is finished
-is not run again, so the study can be cut and resumed.
+(``bend.notch_depth``). Every specimen runs in a process and a folder of its own. Finished
+specimens are not repeated, so the study can be interrupted and resumed.
 
-U is what the specimen has absorbed when its crack begins to run (the peak of ``bend``), less the
-elastic energy of the dents at the striker and the supports, as ISO 17281 corrects for them: the
-share of the strain energy that their compliance has in the lattice's. phi is
-``compliance.calibration``. What the whole test dissipates over the ligament is a second measure;
-the share of it in bars beside the notch's plane is damage that no flat crack has.
+U is the energy that the specimen has absorbed when its crack begins to run (the peak of ``bend``),
+less the elastic energy of the dents at striker and supports, for which ISO 17281 corrects. Their
+share of the strain energy is their share of the lattice's compliance. phi is
+``compliance.calibration``. The energy dissipated by the whole test over the ligament is a second
+measure; its share in bars away from the notch's plane is damage that a flat crack does not cause.
 """
 
 import json
@@ -31,7 +31,7 @@ from taichi_ldem.scenarios.bend import notch_depth
 from taichi_ldem.scene import Scene, load_scene, parse_scene, scene_to_toml
 from taichi_ldem.studies import compliance
 
-# W and a, m: the paper gives their ranges, 6.21 to 7.26 mm and 1.9 to 6.38 mm, not which with which
+# W and a, m, over the paper's ranges of 6.21 to 7.26 mm and 1.9 to 6.38 mm; it gives no pairs
 SPECIMENS = (
     (6.5e-3, 2.0e-3),
     (6.5e-3, 2.6e-3),
@@ -146,7 +146,7 @@ def statics(scene: Scene) -> dict[str, float]:
 def evaluate(
     scene: Scene, summary: Mapping[str, Any], static: Mapping[str, float]
 ) -> dict[str, float]:
-    """U, B W phi and what they are made of (see the module), SI units."""
+    """U, B W phi and the terms that they consist of (see the module), SI units."""
     supports, (notch,) = scene.supports, scene.notch
     assert supports is not None
     _, thickness, width = scene.plate.actual_size
@@ -298,7 +298,7 @@ def report(rows: Sequence[Row], base: Scene, folder: Path, others: Sequence[Row]
     """Write ``summary.json``, ``bending.md`` and ``bending.png`` for lattices of three or more.
 
     Args:
-        others: rows of other series, on other modules, to stand beside.
+        others: rows of other series, on other modules, for comparison.
     """
     rows = [*rows, *others]
     groups = [[r for r in rows if r["spacing_m"] == s] for s in {r["spacing_m"]: 0 for r in rows}]

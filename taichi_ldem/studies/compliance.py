@@ -15,8 +15,8 @@ The calibration factor is phi = C/(dC/dalpha), so that the energy stored at the 
 U = G B W phi.
 
 The lattice's compliance is that of its bars, assembled without the solver's kernels, under line
-loads on single rows of nodes. Its local indentation at the three contacts belongs to no notch: it
-is what remains of the whole beam's compliance above the published one.
+loads on single rows of nodes. The local indentation at the three contacts is independent of the
+notch: it is the lattice's compliance less the published one, both for the beam without a notch.
 """
 
 from functools import lru_cache
@@ -151,10 +151,10 @@ def lattice_compliance(
     prescribed[3 * load + 2] = -1.0
     inner = matrix[free][:, free]
     scale = LinearOperator(inner.shape, matvec=lambda r: r / diagonal[free])
-    # free of what moves the beam as a whole along x, y or about z: no load has such a part
-    moved, code = cg(
+    # without rigid motions along x, y or about z, which no load excites
+    solution, code = cg(
         inner, -np.asarray(matrix @ prescribed)[free], rtol=1e-6, maxiter=20_000, M=scale
     )
     assert code == 0
-    prescribed[free] = moved
+    prescribed[free] = solution
     return float(-1.0 / np.asarray(matrix @ prescribed)[3 * load + 2].sum())

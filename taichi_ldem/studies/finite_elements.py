@@ -1,4 +1,4 @@
-"""Natural frequencies of a plate by three-dimensional finite elements, to check the lattice by.
+"""Natural frequencies of a plate by three-dimensional finite elements, to verify the lattice.
 
 Triquadratic hexahedra with 27 nodes and consistent mass (scikit-fem), an eighth of the plate with
 the symmetries on its three planes. The mesh of a clamped plate follows both circles, so the clamp
@@ -47,8 +47,8 @@ class Part:
     Attributes:
         mesh: scikit-fem mesh with quadratic geometry, z from the mid-plane to a face.
         half: sides x, y of the quarter and half the thickness, m.
-        circles: radii between which the face is fixed, m; None: no ring is.
-        fixed: (n,) whether anything else holds the places (3, n), m; None: nothing does.
+        circles: radii between which the face is fixed, m; None without rings.
+        fixed: (n,) whether places (3, n), m, are fixed otherwise; None: none is.
     """
 
     mesh: Any
@@ -62,7 +62,7 @@ class Part:
 
 
 def free_plate(size: Sequence[float], cells: tuple[int, int, int]) -> Part:
-    """A rectangular plate that nothing holds, in ``cells`` elements of an eighth."""
+    """A free rectangular plate, in ``cells`` elements of an eighth."""
     from skfem import MeshHex, MeshHex2
 
     half = (size[0] / 2, size[1] / 2, size[2] / 2)
@@ -244,14 +244,14 @@ def frequencies(
     """Lowest frequencies (Hz) with a symmetry, their vectors over all freedoms, and the basis.
 
     Args:
-        system: of ``matrices``, where it is there already.
+        system: result of ``matrices``; None: it is computed.
     """
     from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
     k, m, basis = matrices(part, constants, density) if system is None else system
     free = np.flatnonzero(~fixed_freedoms(part, basis, symmetry))
     k, m = k[free][:, free].tocsc(), m[free][:, free].tocsc()
-    # rigid motions are left where nothing holds the plate: shift by far less than a frequency
+    # a free plate has rigid motions: shift by far less than a frequency
     shift = -1e-6 * constants[0] / density / max(part.half) ** 2
     factor = splu(
         (k - shift * m).tocsc(),
@@ -271,7 +271,7 @@ BENDING = {
     "SA": Symmetry((True, False, False)),
     "AA": Symmetry((False, False, False)),
 }
-"""Motions reversed by the mid-plane. SA stands for AS too: both have the same frequencies."""
+"""Motions reversed by the mid-plane. SA represents AS too, which has the same frequencies."""
 
 IN_PLANE = {
     "SS": Symmetry((True, True, True)),
@@ -289,7 +289,7 @@ def plate_modes(
 ) -> list[tuple[float, Name]]:
     """Frequencies (Hz) and names of a plate's modes, ascending, ``count`` of each symmetry.
 
-    Modes of SA come twice, as they are.
+    Modes of SA appear twice, as they occur in pairs.
     """
     system = matrices(part, constants, density)
     found: list[tuple[float, Name]] = []

@@ -157,8 +157,8 @@ def test_a_gpu_backend_cracks_the_same_plate(single: RunFolder, scene: Path) -> 
     mine, theirs = folder.read_history(), single.read_history()
     assert device.deviations(mine, theirs, "f32") == []
     assert folder.read_summary()["steps"] > 500
-    moved = mine | {"strain_j": mine["strain_j"] * 1.001}
-    assert len(device.deviations(moved, theirs, "f32")) == 1
+    changed = mine | {"strain_j": mine["strain_j"] * 1.001}
+    assert len(device.deviations(changed, theirs, "f32")) == 1
 
 
 def test_ctrl_c_keeps_what_was_computed(scene: Path) -> None:
@@ -208,13 +208,13 @@ def test_what_a_scene_leaves_out_is_left_out(scene: Path) -> None:
     names = ["time_s", "kinetic_plate_j", "strain_j", "energy_error"]
     assert list(RunFolder.open(out).read_history()) == names
     assert json.loads((out / "summary.json").read_text())["first_peak_force_n"] is None
-    told = ldem("info", str(bare), "--fields").stdout
+    printed = ldem("info", str(bare), "--fields").stdout
     whole = ldem("info", str(scene), "--fields").stdout
     for field in ("peak", "touched", "recorded", "striker.nodes", "rings.nodes"):
         assert field in whole
-        assert field not in told
-    assert "striker contact (no [striker])" in told
-    assert "left out: bar history and broken-bar record (material.damage = false)" in told
+        assert field not in printed
+    assert "striker contact (no [striker])" in printed
+    assert "left out: bar history and broken-bar record (material.damage = false)" in printed
 
 
 def test_the_end_is_written_where_it_falls_within_an_interval(scene: Path) -> None:

@@ -54,21 +54,23 @@ def test_grips_go_where_their_speed_takes_them(
         2 * 5 * 4 + 4 * 3
     )  # two planes of corners, one of centres
     simulation.advance(100)
-    moved = simulation.displacement()[body.index]
+    displaced = simulation.displacement()[body.index]
     times = np.linspace(0, simulation.time, 100_001)
     share = np.minimum(times / RAMP, 1)
-    way = np.mean(SPEED * (3 * share**2 - 2 * share**3)) * simulation.time
+    separation = np.mean(SPEED * (3 * share**2 - 2 * share**3)) * simulation.time
     assert simulation.time > 2 * RAMP
-    np.testing.assert_allclose(moved[side != 0, 0], (0.5 * way * side)[side != 0], rtol=1e-5)
-    assert simulation.body("grips").separation_at(simulation.time) == pytest.approx(way, rel=1e-5)
-    assert simulation.body("grips").separation_at(0.3 * RAMP) == pytest.approx(
+    held = side != 0
+    np.testing.assert_allclose(displaced[held, 0], 0.5 * separation * side[held], rtol=1e-5)
+    grips = simulation.body("grips")
+    assert grips.separation_at(simulation.time) == pytest.approx(separation, rel=1e-5)
+    assert grips.separation_at(0.3 * RAMP) == pytest.approx(
         SPEED * RAMP * (0.3**3 - 0.5 * 0.3**4), rel=1e-12
     )
-    across = np.abs(moved[side != 0, 1:]).max()
+    across = np.abs(displaced[side != 0, 1:]).max()
     if simulation.body("grips").table.lateral == "held":
         assert across == 0.0
     else:
-        assert across > 1e-3 * way
+        assert across > 1e-3 * separation
 
 
 def test_force_and_work_are_those_of_the_nodes_in_the_grips(
@@ -107,9 +109,9 @@ def test_the_gauge_reads_uniform_strains(gripped: "tuple[Simulation, Body, np.nd
     # half of the 9.6 modules between the grips; planes at -2 and 2, sides at -2 and 2
     assert (gauge.length, gauge.width) == pytest.approx((4 * SPACING, 4 * SPACING), rel=1e-12)
     assert gauge.section == pytest.approx(12 * SPACING**2, rel=1e-9)
-    stretch = np.array([[2e-3, 1e-4, 0], [3e-4, -5e-4, 0], [0, 0, 7e-4]])
-    moved = body.positions @ stretch.T + 1e-5
-    simulation.dynamics.set_displacement(0, body.spread(moved))
+    strain = np.array([[2e-3, 1e-4, 0], [3e-4, -5e-4, 0], [0, 0, 7e-4]])
+    displaced = body.positions @ strain.T + 1e-5
+    simulation.dynamics.set_displacement(0, body.spread(displaced))
     assert gauge.strains(0) == pytest.approx((2e-3, -5e-4), rel=1e-9)
 
 
@@ -131,8 +133,8 @@ def test_a_gauge_across_the_lattice(taichi: None) -> None:
     body = Body(lattice.mask, SPACING)
     along = np.array([1.0, 1.0, 0.0]) / np.sqrt(2)
     across = np.array([-1.0, 1.0, 0.0]) / np.sqrt(2)
-    stretch = 2e-3 * np.outer(along, along) - 5e-4 * np.outer(across, across)
-    dynamics.set_displacement(0, body.spread(body.positions @ stretch))
+    strain = 2e-3 * np.outer(along, along) - 5e-4 * np.outer(across, across)
+    dynamics.set_displacement(0, body.spread(body.positions @ strain))
     assert gauge.strains(0) == pytest.approx((2e-3, -5e-4), rel=1e-9)
 
 

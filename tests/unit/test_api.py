@@ -54,13 +54,13 @@ def _python(*words: str) -> str:
 
 def test_importing_the_package_is_quick_and_imports_nothing() -> None:
     heavy = "{'taichi', 'numpy', 'pydantic', 'matplotlib'}"
-    told = _python(
+    printed = _python(
         "-c",
         f"import sys, taichi_ldem; print({heavy} & set(sys.modules), dir(taichi_ldem))\n"
         "from taichi_ldem import Scene; print('taichi' in sys.modules)\n"
         "from taichi_ldem import Simulation; print('taichi' in sys.modules)",
     )
-    first, *rest = told.splitlines()
+    first, *rest = printed.splitlines()
     assert first.startswith("set()")
     assert "Simulation" in first
     assert rest == ["False", "False"]
@@ -80,17 +80,17 @@ def _printed(program: str, *examples: str) -> dict[str, str]:
 
 
 @pytest.fixture(scope="module")
-def told() -> dict[str, str]:
+def printed() -> dict[str, str]:
     return _printed(EXAMPLES + CHECKS, "first_steps", "callback")
 
 
 @pytest.fixture(scope="module")
-def told_by_others() -> dict[str, str]:
+def printed_by_others() -> dict[str, str]:
     return _printed(EXAMPLES, "sweep", "own_law")
 
 
-def test_first_steps(told: dict[str, str]) -> None:
-    text = told["first_steps"]
+def test_first_steps(printed: dict[str, str]) -> None:
+    text = printed["first_steps"]
     # 36 x 36 x 3 modules: 37 x 37 x 4 corners and 36 x 36 x 3 centres
     assert f"{37 * 37 * 4 + 36 * 36 * 3:,} nodes" in text
     depth = float(re.search(r"deepest: ([\d.]+) mm at x = -?0.00, y = -?0.00", text)[1])
@@ -98,36 +98,36 @@ def test_first_steps(told: dict[str, str]) -> None:
     assert float(re.search(r"largest force (\d+) N", text)[1]) > 100
 
 
-def test_a_callback_stops_a_run(told: dict[str, str]) -> None:
-    radii = [float(r) for r in re.findall(r"out to ([\d.]+) mm", told["callback"])]
+def test_a_callback_stops_a_run(printed: dict[str, str]) -> None:
+    radii = [float(r) for r in re.findall(r"out to ([\d.]+) mm", printed["callback"])]
     assert radii == sorted(radii)
     assert radii[-1] > 2.0 >= radii[-2]
-    assert "finished = False" in told["callback"]
+    assert "finished = False" in printed["callback"]
 
 
 @pytest.mark.slow
-def test_a_sweep_in_one_process(told_by_others: dict[str, str]) -> None:
-    rows = [line.split() for line in told_by_others["sweep"].splitlines()[1:]]
+def test_a_sweep_in_one_process(printed_by_others: dict[str, str]) -> None:
+    rows = [line.split() for line in printed_by_others["sweep"].splitlines()[1:]]
     forces, broken = ([float(row[column]) for row in rows] for column in (1, 2))
     assert forces[0] < forces[1]
     assert 0 < broken[0] < broken[1]
 
 
 @pytest.mark.slow
-def test_a_law_of_ones_own_dissipates_g_f(told_by_others: dict[str, str]) -> None:
+def test_a_law_of_ones_own_dissipates_g_f(printed_by_others: dict[str, str]) -> None:
     found, given = map(
-        float, re.search(r"([\d.]+) J/m2, given: ([\d.]+)", told_by_others["own_law"]).groups()
+        float, re.search(r"([\d.]+) J/m2, given: ([\d.]+)", printed_by_others["own_law"]).groups()
     )
     assert found == pytest.approx(given, rel=1e-6)
 
 
-def test_what_a_second_simulation_does(told: dict[str, str]) -> None:
-    assert told["closed"].startswith("this simulation is closed")
-    assert told["beside"] == "True"
-    assert "must be those of the simulation that stays open" in told["other precision"]
-    assert "<Simulation of impact, closed>" in told["afresh"]
-    assert "35 nodes" in told["afresh"]  # 27 corners, 8 centres
-    assert "'time_s', 'kinetic_plate_j', 'strain_j', 'energy_error'" in told["afresh"]
+def test_what_a_second_simulation_does(printed: dict[str, str]) -> None:
+    assert printed["closed"].startswith("this simulation is closed")
+    assert printed["beside"] == "True"
+    assert "must be those of the simulation that stays open" in printed["other precision"]
+    assert "<Simulation of impact, closed>" in printed["afresh"]
+    assert "35 nodes" in printed["afresh"]  # 27 corners, 8 centres
+    assert "'time_s', 'kinetic_plate_j', 'strain_j', 'energy_error'" in printed["afresh"]
 
 
 def test_a_changed_scene_keeps_what_follows_from_other_keys() -> None:

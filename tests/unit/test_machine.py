@@ -1,5 +1,6 @@
 """The processor's name and the free memory, from what the system lists."""
 
+import subprocess
 import sys
 from pathlib import Path
 
@@ -30,7 +31,20 @@ def test_a_container_s_limit_counts(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="/proc")
-def test_this_machine_tells_its_memory() -> None:
+def test_this_machine_has_memory() -> None:
     available = machine.available_bytes()
     assert available is not None
     assert 1 << 20 < available < 1 << 50
+
+
+def test_memory_is_unknown_where_python_has_no_resource_module(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "resource", None)  # as on Windows: importing it fails
+    assert machine.peak_bytes() is None
+    assert machine._limit_of_process() is None
+
+
+def test_modes_can_be_imported_without_the_resource_module() -> None:
+    code = "import sys; sys.modules['resource'] = None; import taichi_ldem.scenarios.modes"
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -38,8 +38,8 @@ def _momenta(simulation: "Simulation", body: Body) -> tuple[np.ndarray, np.ndarr
 def test_momenta_and_energy_of_a_cracking_body(flight: "tuple[Simulation, Body]") -> None:
     simulation, body = flight
     arm = body.positions - body.positions.mean(axis=0)
-    stretch = STRETCH * arm[:, :1] / arm[:, 0].max() * [1, 0, 0]
-    velocity = np.cross(SPIN, arm) + stretch + [3.0, -2.0, 1.0]
+    expansion = STRETCH * arm[:, :1] / arm[:, 0].max() * [1, 0, 0]
+    velocity = np.cross(SPIN, arm) + expansion + [3.0, -2.0, 1.0]
     simulation.start_from(np.zeros((2, *simulation.dynamics.sites, 3)), body.spread(velocity))
     linear, angular = _momenta(simulation, body)
     mass = PMMA["density"] * SPACING**3 * body.mass_shares[:, None]

@@ -24,9 +24,9 @@ def _bulk_energy(strain: np.ndarray, stiffness: tuple[float, float]) -> float:
     for n in (1, 2, 3, 4):
         body = Body(prism(n, n, n))
         along = body.rest / body.lengths[:, None]
-        stretch = np.einsum("bi,ij,bj->b", along, strain, along)
+        bar_strain = np.einsum("bi,ij,bj->b", along, strain, along)
         energies.append(
-            np.sum(0.5 * body.weights * body.per_bar(*stiffness) * body.lengths * stretch**2)
+            np.sum(0.5 * body.weights * body.per_bar(*stiffness) * body.lengths * bar_strain**2)
         )
     return float(np.diff(energies, 3)[0]) / 6
 

@@ -118,8 +118,8 @@ def test_forces_and_energy_are_those_of_the_bars(perturbed: "Simulation", uneven
 def test_a_rigid_rotation_strains_nothing(perturbed: "Simulation", uneven: Body) -> None:
     for axis in np.eye(3):
         turn = Rotation.from_rotvec(np.pi / 2 * axis).as_matrix()
-        moved = uneven.positions @ turn.T + [1e-3, 0, -2e-3] - uneven.positions
-        assert np.abs(_force(perturbed, uneven, moved)).max() < 1e-13 * STIFFNESS[0]
+        displaced = uneven.positions @ turn.T + [1e-3, 0, -2e-3] - uneven.positions
+        assert np.abs(_force(perturbed, uneven, displaced)).max() < 1e-13 * STIFFNESS[0]
 
 
 def test_all_bars_broken_take_their_energy_in_the_measure_of_their_length(
@@ -159,8 +159,8 @@ def test_the_critical_step_is_that_of_the_perturbed_body(
 def test_momenta_and_energy_of_a_cracking_body(perturbed: "Simulation", uneven: Body) -> None:
     """Free flight, spinning and stretched: whole at first, then cracking."""
     arm = uneven.positions - uneven.positions.mean(axis=0)
-    stretch = 60.0 * arm[:, :1] / arm[:, 0].max() * [1, 0, 0]
-    velocity = np.cross([2e3, -1e3, 3e3], arm) + stretch + [3.0, -2.0, 1.0]
+    expansion = 60.0 * arm[:, :1] / arm[:, 0].max() * [1, 0, 0]
+    velocity = np.cross([2e3, -1e3, 3e3], arm) + expansion + [3.0, -2.0, 1.0]
     mass = PMMA["density"] * EDGE**3 * uneven.mass_shares[:, None]
     perturbed.start_from(np.zeros((2, *perturbed.dynamics.sites, 3)), uneven.spread(velocity))
 

@@ -30,9 +30,9 @@ def test_longitudinal_waves_travel_at_the_speed_of_the_bulk(
     )
     amplitude = []
     for _ in range(500):
-        moved = elastic.displacement() * [1, 0, 0]
-        elastic.dynamics.set_displacement(elastic.now, moved)
-        amplitude.append(np.sum(body.mass_shares * moved[body.index][:, 0] * shape))
+        displaced = elastic.displacement() * [1, 0, 0]
+        elastic.dynamics.set_displacement(elastic.now, displaced)
+        amplitude.append(np.sum(body.mass_shares * displaced[body.index][:, 0] * shape))
         elastic.advance(1)
         velocity = elastic.dynamics.get_velocity()
         elastic.dynamics.set_velocity(velocity * [1, 0, 0])

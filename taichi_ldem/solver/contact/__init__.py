@@ -1,7 +1,7 @@
 """Rigid bodies against the lattice: the striker, the clamp, the grips and the supports.
 
-A body is a declaration in this package (what it is called, which table of the scene it reads, what
-it adds to the history, how it is drawn), which imports no Taichi, and its kernels in ``kernels``.
+A body consists of a declaration in this package (its name, its table of the scene, its columns of
+the history, its drawing), which imports no Taichi, and of its kernels in ``kernels``.
 The tuple below is the only list of the bodies: simulation, history and pictures loop over it.
 """
 

@@ -1,4 +1,4 @@
-"""What every body declares. No Taichi is imported here: a run's reader needs the names alone."""
+"""The declaration of a body. It imports no Taichi, as readers of a run need the names only."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ class Observable:
 
     Attributes:
         column: its name in ``history.csv``, which ends in the unit.
-        label: what it is, in words. unit: SI unit. sign: what a positive value means.
+        label: its meaning in words. unit: SI unit. sign: the meaning of a positive value.
         energy: whether it is a term of the energy balance.
     """
 
@@ -33,7 +33,7 @@ class Body:
     """The declaration of a rigid body.
 
     Attributes:
-        name: of the body, in a checkpoint too.
+        name: name of the body, also in checkpoints.
         absent: how ``ldem info`` names the contact that a scene without the body leaves out.
         observables: in the order of the history's columns and of ``RigidBody.observe``.
         holds: whether the body holds the plate; such bodies are resolved first.

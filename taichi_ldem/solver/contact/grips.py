@@ -1,4 +1,4 @@
-"""The grips of a tension test: what a run says of them."""
+"""Declaration of the grips of a tension test."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""What the program has to know of a nose."""
+"""Declaration of a nose: its surface for the kernels, and its profile for drawing."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ class Nose:
         surface: ``surface(place, radius)`` returns the signed distance of a place to the surface
             (negative inside) and the outward normal there. Taichi compiles it: ``place`` is a
             vector in f64 with ``x``, ``y``, ``z`` and ``norm()``. Far outside, the distance may be
-            too small but not too large: nodes beyond it are not looked at.
+            too small but not too large: nodes beyond it are not visited.
         profile: ``profile(radius)`` returns (n,) half widths and (n,) heights above the tip from
             the tip to the lower end of the shaft, for drawing.
         along_y: whether the profile runs along y, rather than around the axis.

@@ -1,4 +1,4 @@
-"""The clamp: what a run says of it, and how it is drawn."""
+"""Declaration of the clamp, and its drawing."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class Rings(Body):
-    """Rings on both faces of the plate, or nodes that are fixed for good."""
+    """Rings on both faces of the plate, or permanently fixed nodes."""
 
     name = "rings"
     absent = "clamp contact (no [clamp], or free)"

@@ -1,4 +1,4 @@
-"""The striker: what a run says of it, and how it is drawn."""
+"""Declaration of the striker, and its drawing."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any

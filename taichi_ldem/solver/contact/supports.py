@@ -1,4 +1,4 @@
-"""The supports of a beam: what a run says of them."""
+"""Declaration of the supports of a beam."""
 
 from typing import TYPE_CHECKING
 

@@ -312,10 +312,10 @@ def test_a_node_has_the_mass_of_the_modules_around_it(uneven: Uneven) -> None:
     assert mass.sum() == pytest.approx(factor.sum() * module, rel=1e-14)
     placed = np.random.default_rng(1).normal(0.0, 1e-5 * EDGE, (len(body.places), 3))
     uneven.put(placed)
-    moved = uneven.dynamics.get_acceleration(0)[body.index]
+    accelerations = uneven.dynamics.get_acceleration(0)[body.index]
     pulls = body.forces(placed, uneven.stiffness, uneven.modulus)
     np.testing.assert_allclose(
-        moved * expected[:, None], pulls, rtol=0, atol=1e-13 * uneven.stiffness[0]
+        accelerations * expected[:, None], pulls, rtol=0, atol=1e-13 * uneven.stiffness[0]
     )
 
 
@@ -361,7 +361,7 @@ velocity *= lattice.exists()[..., None]
 simulation.start_from(np.zeros_like(place), velocity)
 samples = [simulation.sample_step() for _ in range(150)]
 rows = [(s.broken_bars, s.energy_error, *vars(s.ledger).values()) for s in samples]
-np.savez(sys.argv[2], rows=rows, moved=simulation.displacement(),
+np.savez(sys.argv[2], rows=rows, displacement=simulation.displacement(),
          velocity=simulation.dynamics.get_velocity(), drawn=list(simulation.drawn.values()))
 """
 

@@ -1,4 +1,4 @@
-"""What is told about a scene before it runs: remarks on numbers that are most likely slips."""
+"""The text about a scene before it runs: remarks on numbers that are most likely slips."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -71,30 +71,30 @@ def test_steps_that_are_known_are_not_estimated() -> None:
 
 
 @pytest.fixture
-def told(taichi: None, monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
+def info(taichi: None, monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
     """The text of `ldem info`, with the Taichi that there is."""
     monkeypatch.setattr(backend, "start", lambda solver: None)
 
-    def tell(fields: bool, **tables: Any) -> str:
+    def text(fields: bool, **tables: Any) -> str:
         console = Console(width=100)
         with console.capture() as captured:
             console.print(describe(block_scene(4, 4, 2, **tables), fields=fields))
         return captured.get()
 
-    return tell
+    return text
 
 
 def test_info_says_the_memory_in_a_line_and_of_every_field_if_asked(
-    told: Callable[..., str],
+    info: Callable[..., str],
 ) -> None:
-    plain = told(False)
+    plain = info(False)
     assert "memory of all fields" in plain
     assert "time to compute" in plain
     assert "displacement" not in plain
     assert "EA: axial stiffness" in plain
     assert "K_r" not in plain  # no damage
     damage = {"damage": True, "fracture_energy": 1034.0, "failure_factor": 31.45}
-    whole = told(True, material=damage, plate={"size": [0.00201, 0.002, 0.001]})
+    whole = info(True, material=damage, plate={"size": [0.00201, 0.002, 0.001]})
     assert "displacement" in whole
     assert "L_cr: critical module edge" in whole
     assert "note: plate.size: 2.01 x 2.00 mm are asked for, 2.00 x 2.00 mm are built" in whole

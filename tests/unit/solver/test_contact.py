@@ -50,15 +50,15 @@ class Hit:
             s.body("striker").start(s.scene, s.time_step, self.gap + depth)
         masses = MODULE_MASS * body.mass_shares[:, None]
         rows = []
-        moved = np.zeros((len(body.places), 3))
-        velocity = np.zeros_like(moved)
+        displaced = np.zeros((len(body.places), 3))
+        velocity = np.zeros_like(displaced)
         for _ in range(self.steps):
             sample = s.sample_step()
-            free = velocity + s.time_step * body.forces(moved, STIFFNESS) / masses
+            free = velocity + s.time_step * body.forces(displaced, STIFFNESS) / masses
             velocity = s.dynamics.get_velocity()[body.index]
-            moved = s.displacement()[body.index]
+            displaced = s.displacement()[body.index]
             travelled, _, speed = s.body("striker").motion()
-            away = self._from_axis(body.positions + moved, travelled)
+            away = self._from_axis(body.positions + displaced, travelled)
             length = np.linalg.norm(away, axis=1)
             rows.append(
                 (
@@ -285,9 +285,9 @@ def test_bonded_nodes_stay_and_take_what_the_striker_gives(taichi: None) -> None
     for _ in range(20):
         simulation.advance(19)
         samples.append(simulation.sample_step())
-    moved = simulation.displacement()[body.index]
-    assert not moved[held].any()
-    assert (np.abs(moved[~held]).max(axis=1) > 0).all()
+    displaced = simulation.displacement()[body.index]
+    assert not displaced[held].any()
+    assert (np.abs(displaced[~held]).max(axis=1) > 0).all()
     # momentum towards the plate: what striker and gravity brought, less what the bond took; a
     # sample's force is the impulse since the last one, up to half a step after its time
     end = samples[-1].time + 0.5 * simulation.time_step

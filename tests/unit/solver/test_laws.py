@@ -57,7 +57,7 @@ def test_one_bar_loaded_unloaded_reloaded_compressed_and_broken(
         length = constants.length * (1 + EPS_P * ratio)
         force = block.pulls()[bar] * length
         if peak > ductility * 2.5:
-            assert force == 0.0  # gone, in compression too
+            assert force == 0.0  # broken, in compression too
             continue
         everywhere = np.ones(len(block.body.ends))
         kept = _integrity(block, ratio * everywhere, peak * everywhere)[bar]
@@ -155,9 +155,9 @@ def test_broken_bars_are_reported_once_and_in_order(breakable: Breakable) -> Non
     order = np.lexsort((bars, *sites.T[::-1]))
     np.testing.assert_array_equal(order, np.arange(len(bars)))
     along = body.strains(10 * EPS_P * body.positions * [1, 0, 0]) / EPS_P
-    gone = _softening(block, np.maximum(along, 1)) == 0
+    broken = _softening(block, np.maximum(along, 1)) == 0
     middle = dynamics.lattice.bar_midpoints(sites, bars)
-    mine = body.positions[body.ends[gone]].mean(axis=1)
+    mine = body.positions[body.ends[broken]].mean(axis=1)
     assert {tuple(p) for p in np.rint(4 * middle / block.spacing).astype(int).tolist()} == {
         tuple(p) for p in np.rint(4 * mine / block.spacing).astype(int).tolist()
     }

@@ -247,7 +247,8 @@ rows = [
     for s in simulation.samples()
 ]
 sites, bars = simulation.dynamics.new_broken()
-np.savez(out, rows=rows, moved=simulation.displacement(), bars=np.column_stack([sites, bars]))
+bars = np.column_stack([sites, bars])
+np.savez(out, rows=rows, displacement=simulation.displacement(), bars=bars)
 """
 
 

@@ -135,20 +135,20 @@ def test_weak_bars_are_not_damaged_by_the_estimate(breakable: Breakable) -> None
 def test_the_largest_strains_are_those_of_the_bars(elastic: "Simulation", body: Body) -> None:
     from taichi_ldem.solver.stability import largest_strains
 
-    moved = np.random.default_rng(4).normal(0.0, 0.3 * SPACING, (len(body.places), 3))
-    strains = body.strains(moved)
-    found = largest_strains(elastic.dynamics, body.spread(moved))
+    displaced = np.random.default_rng(4).normal(0.0, 0.3 * SPACING, (len(body.places), 3))
+    strains = body.strains(displaced)
+    found = largest_strains(elastic.dynamics, body.spread(displaced))
     assert found == pytest.approx((strains.max(), strains.min()), rel=1e-12)
-    moved[0] = np.nan
-    assert np.isnan(largest_strains(elastic.dynamics, body.spread(moved))).any()
+    displaced[0] = np.nan
+    assert np.isnan(largest_strains(elastic.dynamics, body.spread(displaced))).any()
 
 
 def test_broken_bars_have_no_strain(breakable: Breakable) -> None:
     from taichi_ldem.solver.stability import largest_strains
 
     block = breakable.renew()
-    moved = 0.01 * block.body.positions  # below eps_p
-    moved[-1] += 3 * block.spacing  # all bars of the last node break
-    block.put(moved)
-    longest, _ = largest_strains(block.dynamics, block.body.spread(moved))
+    displaced = 0.01 * block.body.positions  # below eps_p
+    displaced[-1] += 3 * block.spacing  # all bars of the last node break
+    block.put(displaced)
+    longest, _ = largest_strains(block.dynamics, block.body.spread(displaced))
     assert longest == pytest.approx(0.01, rel=1e-9)

@@ -71,8 +71,8 @@ def _check(path: Path, least: int, most: int) -> None:
         fields = read_fields(path, n)
         expected = noise.random(fields.points.shape).astype(np.float32)
         np.testing.assert_array_equal(fields.displacement, expected)
-    told = np.repeat(np.arange(least), 40 * np.arange(least))
-    np.testing.assert_array_equal(read_broken_bars(path).time_s[: len(told)], told)
+    broken_at = np.repeat(np.arange(least), 40 * np.arange(least))
+    np.testing.assert_array_equal(read_broken_bars(path).time_s[: len(broken_at)], broken_at)
 
 
 @pytest.mark.parametrize("steps", [(2, 3), pytest.param((64, 65), marks=pytest.mark.slow)], ids=str)

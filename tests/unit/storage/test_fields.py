@@ -51,8 +51,8 @@ def make_fields(path: Path, steps: int = 3):
     writer = FieldWriter(path, points, hexahedra)
     stored = []
     for n in range(steps):
-        moved, velocity = rng.normal(size=(2, len(points), 3))
-        stored.append((0.25 * n, moved, velocity, rng.random(len(hexahedra))))
+        displaced, velocity = rng.normal(size=(2, len(points), 3))
+        stored.append((0.25 * n, displaced, velocity, rng.random(len(hexahedra))))
         writer.append(*stored[-1])
     return writer, points, hexahedra, stored
 
@@ -68,14 +68,14 @@ def test_vtk_reads_what_went_in_at_every_time(tmp_path):
     reader.UpdateInformation()
     times = reader.GetOutputInformation(0).Get(vtkStreamingDemandDrivenPipeline.TIME_STEPS())
     assert times == (0.0, 0.25, 0.5)
-    for time, moved, velocity, broken in reversed(stored):
+    for time, displaced, velocity, broken in reversed(stored):
         reader.UpdateTimeStep(time)
         grid = reader.GetOutputDataObject(0)
         np.testing.assert_array_equal(vtk_to_numpy(grid.GetPoints().GetData()), points)
         cells = vtk_to_numpy(grid.GetCells().GetConnectivityArray()).reshape(-1, 8)
         np.testing.assert_array_equal(cells, hexahedra)
         assert {grid.GetCellType(n) for n in range(len(hexahedra))} == {12}  # VTK_HEXAHEDRON
-        for name, array in (("displacement_m", moved), ("velocity_m_s", velocity)):
+        for name, array in (("displacement_m", displaced), ("velocity_m_s", velocity)):
             read = vtk_to_numpy(grid.GetPointData().GetArray(name))
             np.testing.assert_array_equal(read, array.astype(np.float32))
         read = vtk_to_numpy(grid.GetCellData().GetArray("broken_fraction"))
@@ -86,12 +86,12 @@ def test_readers_return_what_went_in_at_every_step(tmp_path):
     path = tmp_path / "fields.vtkhdf"
     _, points, hexahedra, stored = make_fields(path)
     np.testing.assert_array_equal(read_times(path), [0.0, 0.25, 0.5])
-    for step, (time, moved, velocity, broken) in enumerate(stored):
+    for step, (time, displaced, velocity, broken) in enumerate(stored):
         fields = read_fields(path, step)
         assert fields.time == time
         np.testing.assert_array_equal(fields.points, points)
         np.testing.assert_array_equal(fields.hexahedra, hexahedra)
-        np.testing.assert_array_equal(fields.displacement, moved.astype(np.float32))
+        np.testing.assert_array_equal(fields.displacement, displaced.astype(np.float32))
         np.testing.assert_array_equal(fields.velocity, velocity.astype(np.float32))
         np.testing.assert_array_equal(fields.broken_fraction, broken.astype(np.float32))
     assert read_fields(path).time == 0.5

@@ -43,11 +43,11 @@ def test_whatever_changes_results_changes_the_hash(old: str, new: str) -> None:
 
 
 def test_a_run_can_be_traced() -> None:
-    told = pv.provenance(SCENE)
-    assert re.fullmatch("[0-9a-f]{64}", told["scene_sha256"])
-    assert told["packages"]["taichi"].startswith("1.")
-    assert told["git"] is None or re.fullmatch(r"[0-9a-f]{40}(\+changes)?", told["git"])
-    assert all(told[key] for key in ("version", "python", "platform", "cpu", "command"))
+    record = pv.provenance(SCENE)
+    assert re.fullmatch("[0-9a-f]{64}", record["scene_sha256"])
+    assert record["packages"]["taichi"].startswith("1.")
+    assert record["git"] is None or re.fullmatch(r"[0-9a-f]{40}(\+changes)?", record["git"])
+    assert all(record[key] for key in ("version", "python", "platform", "cpu", "command"))
 
 
 def test_what_bits_depend_on_is_compared() -> None:

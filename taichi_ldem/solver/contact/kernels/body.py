@@ -1,4 +1,4 @@
-"""What every rigid body has in common: its list of nearby nodes, its sums, and how it moves a node.
+"""The base of all rigid bodies: the list of nearby nodes, the sums, and the motion of a node.
 
 The contact is kinematic (hard, no penalty stiffness): a node that its free flight would carry into
 a rigid body is put on the body's surface at the end of the same step, and the impulse that this
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from taichi_ldem.scene import Scene
 
 CHUNK = 8
-"""Nodes summed at a time: few, because Taichi gives a CPU thread at least 512 turns of a loop."""
+"""Nodes of a chunk: few, because Taichi gives a CPU thread at least 512 iterations of a loop."""
 
 SLACK = 1e-3
 """Share of a module by which rounding may put a node inside a body or behind a ring."""
@@ -47,10 +47,10 @@ IMPULSE, PLATE_BEFORE, LOSS_BEFORE, LOSS_AFTER = range(4)
 
 @dataclass(frozen=True)
 class Layout:
-    """What a scene makes of a body before any of its fields exist.
+    """The numbers and sizes of a body in a scene, from which its fields are allocated.
 
     Attributes:
-        numbers: what describes the body, f64, SI units; another value compiles nothing anew.
+        numbers: parameters of the body, f64, SI units; other values need no compilation.
         capacity: nodes that its list has room for.
         kind: choices that are compiled into its kernels.
         nodes: (n,) node numbers listed from the start, flat over (2, *S).
@@ -64,7 +64,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class Reading:
-    """What a sample reads of a body, at the time t_n of the sample.
+    """The values of a body at the time t_n of a sample.
 
     Attributes:
         impulse: on the plate since the start, N s (``RigidBody.component`` says along what).
@@ -97,11 +97,11 @@ class Energies:
 
 @ti.data_oriented
 class RigidBody(NearbyNodes):
-    """A rigid body: its sums, and how it moves a node.
+    """A rigid body: its sums, and the motion of a node.
 
     Attributes:
         name: of the body's declaration.
-        numbers: what describes the body, f64, SI units.
+        numbers: parameters of the body, f64, SI units.
         chunk_sums: (chunks,) 4-vectors in f64.
         group_sums: (groups,) 4-vectors in f64, on a GPU.
         sums: (4,) f64 since the start: impulse on the plate along z (N s); half-step work on the
@@ -114,7 +114,7 @@ class RigidBody(NearbyNodes):
     """Whether the body's own motion needs the chunks' sums in every step."""
 
     state: Any = None
-    """The field of what moves about the body itself, if anything does."""
+    """The field of the body's own motion, if it has any."""
 
     def __init__(self, dynamics: Dynamics, layout: Layout):
         super().__init__(dynamics, layout.capacity)
@@ -194,7 +194,7 @@ class RigidBody(NearbyNodes):
         return {f"{self.name}.{name}": value for name, value in own if isinstance(value, ti.Field)}
 
     def saved_state(self) -> dict[str, npt.NDArray]:
-        """Copies of what the next step starts from: list, velocities, sums, the body's motion."""
+        """Copies of the state before the next step: list, velocities, sums, the body's motion."""
         own = {} if self.state is None else {"state": self.state.to_numpy()}
         if self.accumulates:
             own["chunks"] = self.chunk_sums.to_numpy()
@@ -265,7 +265,7 @@ class RigidBody(NearbyNodes):
         )
         before = ti.cast(self.before[number], ti.f64)
         if ti.static(self.dynamics.features.damping):
-            # the loss by damping was booked for the free flight, with its velocity
+            # the loss by damping was added for the velocity of the free flight
             mean = 0.25 * ti.cast(2 * before + free + velocity, float)
             drag = damping * self.dynamics.node_mass(s, k, j, i) * mean
             path = ti.cast(time_step * (velocity - free), float)
@@ -283,7 +283,7 @@ class RigidBody(NearbyNodes):
 
     @ti.func
     def turns(self):
-        """Turns of a loop over the chunks: on a GPU all that fit, known without asking it."""
+        """Iterations of a loop over the chunks: on a GPU the capacity, which needs no transfer."""
         turns = self.chunks()
         if ti.static(not self.dynamics.on_cpu):
             turns = self.chunk_sums.shape[0]
@@ -321,7 +321,7 @@ class RigidBody(NearbyNodes):
 
     @ti.func
     def book_chunks(self):
-        """Book what the chunks have stored, for a body that nothing moves."""
+        """Add the sums of the chunks to the body's, for a body at rest."""
         if ti.static(not self.accumulates):
             ti.loop_config(serialize=True)
             for _ in range(1):
@@ -330,7 +330,7 @@ class RigidBody(NearbyNodes):
 
     @ti.func
     def forget_unlisted(self):
-        """Drop the work of the latest step that chunks keep for nodes that are no longer listed."""
+        """Clear the work of the latest step in chunks whose nodes are no longer listed."""
         if ti.static(self.accumulates):
             for chunk in range(self.turns()):
                 if chunk >= self.chunks():
@@ -338,7 +338,7 @@ class RigidBody(NearbyNodes):
 
     @ti.func
     def add_up(self):
-        """Book what chunks have accumulated since the last time."""
+        """Add the sums that the chunks have accumulated since the last call to the body's."""
         if ti.static(self.accumulates):
             for group in range(self.group_sums.shape[0]):
                 total = ti.Vector.zero(ti.f64, 4)
@@ -360,7 +360,7 @@ class RigidBody(NearbyNodes):
 
     @ti.func
     def book(self, impulse, plate_before, before, after):
-        """Add a step's impulse on the plate and works on all that touches to the sums.
+        """Add a step's impulse on the plate and its works to the sums.
 
         Written out: ``+=`` on a field is an atomic, which not every backend has in f64.
         """
@@ -374,7 +374,7 @@ class RigidBody(NearbyNodes):
 
     @ti.func
     def resolve(self, now, spacing, time_step, damping):
-        """Move the nodes that the body does not let go where they fly; each body's own."""
+        """Correct the nodes whose free flight the body prevents; each body's own."""
 
     @ti.func
     def displacement_before(self):

@@ -28,8 +28,8 @@ SPEED, RAMP, COSINE, SINE = range(4)
 class Grips(RigidBody):
     """Two grips that move apart along the specimen, each by half of a prescribed separation.
 
-    The nodes in them are put where the grips are at the end of every step; across the pull they are
-    held, or move as they would without grips. The impulse that the sums count is half of the
+    The nodes in them move with the grips; across the pull they are held, or move as they would
+    without grips. The impulse that the sums count is half of the
     difference between the grips, a mean pull; the energy that they count as lost is minus the
     grips' work.
 
@@ -66,7 +66,7 @@ class Grips(RigidBody):
         return Layout((table.velocity, table.ramp, cosine, sine), len(nodes), kind, nodes)
 
     def start(self, scene: "Scene", time_step: float) -> None:
-        """Put the grips back to no separation."""
+        """Set the separation of the grips to zero."""
         assert scene.grips is not None
         self.table = scene.grips
         self.state.fill(0)
@@ -88,7 +88,7 @@ class Grips(RigidBody):
         return own if self.gauge is None else own | {"gauge.nodes": self.gauge.nodes}
 
     def separation_at(self, time: float) -> float:
-        """How far the grips have moved apart at a time (s), m."""
+        """Separation of the grips at a time (s), m."""
         ramp = self.table.ramp
         share = min(time / ramp, 1.0) if ramp > 0 else 1.0
         return self.table.velocity * (ramp * share**3 * (1 - 0.5 * share) + max(time - ramp, 0.0))
@@ -99,7 +99,7 @@ class Grips(RigidBody):
         return self.separation_at(time), force, *strains
 
     def energies(self, reading: Reading) -> Energies:
-        """The work of the grips: what they take is not lost, but their work with the other sign."""
+        """The work of the grips: the loss that the sums count is minus this work."""
         return Energies(external=-reading.lost)
 
     # -- the step
@@ -107,7 +107,7 @@ class Grips(RigidBody):
 
     @ti.func
     def separation(self, time):
-        """How far the grips have moved apart at a time (s), m: the integral of their speed."""
+        """Separation of the grips at a time (s), m: the integral of their speed."""
         ramp = self.numbers[RAMP]
         equivalent = ti.max(time - ramp, 0.0)  # time at full speed for the same separation
         if ramp > 0:
@@ -122,7 +122,7 @@ class Grips(RigidBody):
 
     @ti.func
     def resolve(self, now, spacing, time_step, damping):
-        """Put all nodes in the grips where these are at the end of the step."""
+        """Move all nodes in the grips to the position of the grips at the end of the step."""
         ti.loop_config(serialize=True)
         for _ in range(1):
             self.state[0] = self.state[0] + 1

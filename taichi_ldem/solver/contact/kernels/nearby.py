@@ -1,4 +1,4 @@
-"""The list of the nodes near a rigid body, which alone are visited in a step.
+"""The list of the nodes near a rigid body; a step visits no others.
 
 They are listed anew every few steps, in ascending order, from positions and speeds, on the device,
 without waiting for the host.
@@ -28,16 +28,16 @@ class NearbyNodes:
     Attributes:
         nodes: node numbers, ascending, flat over (2, *S).
         before: velocity of each listed node at the end of the last step, m/s.
-        count: (2,) nodes listed, and the most that were ever near, listed or not.
+        count: (2,) number of listed nodes, and the largest number that has been near so far.
         marks: a bit for each column of a piece of a row (s, k, j, lane): its node is near.
         ends: for each row (s, k, j) the number after its last node in the list.
     """
 
     listed_anew = True
-    """Whether the list has to be made anew while the plate moves."""
+    """Whether the list is made anew while the plate moves."""
 
     def __init__(self, dynamics: Dynamics, capacity: int):
-        """``capacity``: nodes that the list has room for."""
+        """``capacity`` is the largest number of nodes in the list."""
         self.dynamics, self.capacity = dynamics, capacity
         self.nodes = field_apart(ti.i32, capacity)
         self.before = ti.Vector.field(3, float, shape=capacity)
@@ -121,8 +121,8 @@ class NearbyNodes:
 
         A node's margin is 0.45 of a module plus twice the distance that it and the body cover in
         that time (bounded by the sum of its velocity's components): a node may be accelerated
-        meanwhile, at most to about the wave speed times eps_p, the speed at which a breaking bar
-        lets go. Where more nodes are near than the list holds, ``count`` says so: see
+        meanwhile, at most to about the wave speed times eps_p, the speed of a node when
+        a bar breaks. Where more nodes are near than the list holds, ``count`` records it: see
         ``refuse_more``.
         """
         self._list(now, self.dynamics.lattice.spacing, duration)
@@ -159,7 +159,7 @@ class NearbyNodes:
 
     @ti.func
     def forget_unlisted(self):
-        """Drop what is kept of nodes that are no longer listed; each body's own."""
+        """Clear values of nodes that are no longer listed; each body's own."""
 
     @ti.func
     def row_words(self):

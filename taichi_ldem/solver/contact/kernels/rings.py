@@ -1,4 +1,4 @@
-"""The clamp: rigid rings on both faces of the plate, or nodes that are fixed for good."""
+"""The clamp: rigid rings on both faces of the plate, or permanently fixed nodes."""
 
 import math
 from collections.abc import Sequence
@@ -25,8 +25,7 @@ def fixed_nodes(
 ) -> npt.NDArray[np.int32]:
     """Nodes between the circles: on both faces, or ``through`` the whole thickness.
 
-    Chosen by the lattice's own places: rounded as f32 has them, a face may lie off its ring by more
-    than any slack.
+    They are chosen by exact positions: in f32 a face may lie off its ring by more than the slack.
     """
     inner, outer, _ = numbers
     position = dynamics.lattice.positions()
@@ -44,7 +43,7 @@ def fixed_nodes(
 
 @ti.data_oriented
 class Rings(RigidBody):
-    """What holds the plate: rigid rings on both faces, or nodes fixed for good.
+    """The holder of the plate: rigid rings on both faces, or permanently fixed nodes.
 
     Rings: a node between the two circles that would cross the plane of a face stays on it, without
     slip, for as long as it is pressed against it; it separates freely. A node that gets beyond a
@@ -79,8 +78,8 @@ class Rings(RigidBody):
             )
         if clamp.kind != "rings":
             return Layout(numbers, len(fixed), "fixed nodes", fixed)
-        # separating rings: as many nodes as are between the circles through the whole thickness,
-        # and on a small plate all, which fast debris may bring near
+        # Rings that separate: the nodes between the circles through the whole thickness. On a
+        # small plate all nodes, as fast debris may come near.
         nodes = int(np.count_nonzero(dynamics.lattice.exists()))
         through = max(len(fixed) * dynamics.sites[0], 10_000)
         return Layout(numbers, min(through, nodes), "rings", fixed)
@@ -115,7 +114,7 @@ class Rings(RigidBody):
 
     @ti.func
     def resolve(self, now, spacing, time_step, damping):
-        """Hold the nodes that press against a ring, or the fixed ones, where they were."""
+        """Keep the nodes that press against a ring, and fixed nodes, at their displacement."""
         for chunk in range(self.turns()):
             works = vec3d(0.0, 0.0, 0.0)
             for number in range(chunk * CHUNK, self.chunk_end(chunk)):

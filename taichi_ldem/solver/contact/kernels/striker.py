@@ -30,8 +30,8 @@ class Striker(FrictionlessBody):
     """Rigid nose on a shaft of its own diameter; moves along -z, frictionless.
 
     The step is implicit in the striker's velocity: with all touching nodes on its surface their
-    impulses are linear in its change of velocity, one scalar equation. So a light striker is as
-    stable as a heavy one.
+    impulses are linear in its change of velocity, one scalar equation. A light striker is
+    therefore as stable as a heavy one.
 
     Attributes:
         table: the scene's table.
@@ -61,7 +61,7 @@ class Striker(FrictionlessBody):
         )
 
     def start(self, scene: "Scene", time_step: float, displacement: float = 0.0) -> None:
-        """Give the striker its initial velocity, at a displacement (m) from its first place."""
+        """Set the initial velocity, at a displacement (m) from the initial position."""
         assert scene.striker is not None
         self.table = scene.striker
         velocity = self.table.velocity - 0.5 * time_step * self.table.gravity
@@ -95,7 +95,7 @@ class Striker(FrictionlessBody):
 
     @ti.func
     def free_velocity(self, time_step):
-        """The striker's velocity half a step from now if it touches nothing, m/s."""
+        """The striker's velocity half a step from now without contact, m/s."""
         return self.state[VELOCITY] + ti.cast(time_step, ti.f64) * self.numbers[GRAVITY]
 
     @ti.func
@@ -107,7 +107,7 @@ class Striker(FrictionlessBody):
 
     @ti.func
     def resolve(self, now, spacing, time_step, damping):
-        """Put penetrating nodes on the surface and stop the striker by as much."""
+        """Put penetrating nodes on the surface and slow the striker by their impulses."""
         dt = ti.cast(time_step, ti.f64)
         ti.loop_config(serialize=self.dynamics.on_cpu)
         for chunk in range(self.turns()):

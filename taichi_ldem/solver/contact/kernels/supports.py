@@ -20,8 +20,8 @@ HALF_SPAN, RADIUS = range(2)
 class Supports(FrictionlessBody):
     """Two fixed cylinders along y under the plate, whose lower face they touch at the start.
 
-    Frictionless, as rollers are: there is no tangential work, so no energy is lost unseen, and no
-    thrust along the beam. Each stands on a flat shaft, like the striker's cylinder upside down.
+    They are frictionless like rollers: there is no tangential work and no thrust along the beam.
+    Each stands on a flat shaft, like the striker's cylinder upside down.
     """
 
     def __init__(self, dynamics: Dynamics, scene: "Scene", time_step: float):
@@ -47,6 +47,6 @@ class Supports(FrictionlessBody):
 
     @ti.func
     def resolve(self, now, spacing, time_step, damping):
-        """Put penetrating nodes on the supports, which nothing moves."""
+        """Put penetrating nodes on the surface of the supports, which do not move."""
         self.push_out(now, spacing, time_step, damping)
         self.book_chunks()

@@ -1,4 +1,4 @@
-"""Frictionless bodies: what a striker and the cylinders of a support share."""
+"""Frictionless bodies: the base of the striker and of the supports."""
 
 import taichi as ti
 
@@ -8,10 +8,10 @@ from taichi_ldem.solver.contact.kernels.nearby import vec3d
 
 
 def list_capacity(lattice: Lattice, diameter: float, *, along_y: bool) -> int:
-    """Nodes that the list of a body of a diameter (m) has room for.
+    """Largest number of listed nodes of a body of a diameter (m).
 
-    As many as in a column of twice its diameter and four thicknesses more; a cylinder along y has
-    them over the whole width. Never more than there are.
+    It is the number in a column of twice the diameter plus four thicknesses, for a cylinder along y
+    over the whole width, and at most the number of all nodes.
     """
     nx, ny, nz = lattice.modules
     across = 2 * diameter / lattice.spacing + 4 * nz
@@ -23,10 +23,10 @@ def list_capacity(lattice: Lattice, diameter: float, *, along_y: bool) -> int:
 class FrictionlessBody(RigidBody):
     """A body that is given by the signed distance of a point to its surface.
 
-    A node that would get inside goes to the nearest place on the surface. Debris that other debris
-    drives may get in before the next list contains it: putting it back at once would give it energy
-    (half a module in a step is a kilometre a second). It is kept from getting deeper, and leaves
-    freely.
+    A node that would get inside is moved to the nearest point of the surface. Debris that is hit by
+    other debris may get inside before it is listed. Moving it out in one step would give it energy
+    (half a module in a step is a kilometre a second), so it is only kept from getting deeper, and
+    leaves freely.
     """
 
     @ti.func
@@ -51,7 +51,7 @@ class FrictionlessBody(RigidBody):
 
     @ti.func
     def overlap(self, number, now, spacing, displacement):
-        """How much deeper a listed node would be in the body, and the surface's normal there."""
+        """Increase of a listed node's depth in the body, m, and the surface's normal there."""
         s, k, j, i = self.site_of(number)
         rest = self.rest_position(s, k, j, i, spacing)
         new = ti.cast(self.dynamics.node_displacement(1 - now, s, k, j, i), ti.f64)
@@ -69,7 +69,7 @@ class FrictionlessBody(RigidBody):
     def push_out(self, now, spacing, time_step, damping):
         """Put every node that is inside the body on its surface and store the works by chunks.
 
-        Few nodes are near the body: on the CPU one thread is faster than waking the others.
+        Few nodes are near the body, so on the CPU one thread is faster than all.
         """
         ti.loop_config(serialize=self.dynamics.on_cpu)
         for chunk in range(self.turns()):
