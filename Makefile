@@ -25,7 +25,7 @@ test: $(VENV)/.dev vulkan browser ## linters, types, layers and tests
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 # What takes minutes: fuzzing, kills, faults, installs.
 slow: $(VENV)/.dev vulkan ## tests that take minutes: fuzzing, kills, faults

@@ -65,6 +65,7 @@ def test_a_pulse_through_a_bar_is_the_exact_one(tmp_path: Path) -> None:
     assert [path.name for path in folder.path.iterdir()] == ["run.lock"]
 
 
+@pytest.mark.slow
 def test_a_shear_pulse_through_a_plate_is_the_exact_one(tmp_path: Path) -> None:
     folder = _ldem("wave_thickness", tmp_path / "run", SHEAR)
     summary = folder.read_summary()

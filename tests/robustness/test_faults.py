@@ -83,6 +83,7 @@ def test_a_disk_that_fills_up(scene: Path, tmp_path: Path) -> None:
         read_times(out / "fields.vtkhdf")
 
 
+@pytest.mark.slow
 def test_a_full_disk_stops_the_run_and_its_checkpoint_stands(scene: Path, tmp_path: Path) -> None:
     code = """
 import errno, sys

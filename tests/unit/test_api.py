@@ -11,14 +11,14 @@ from support.paths import ROOT
 from taichi_ldem import Scene, SceneError
 from taichi_ldem.scene import parse_scene
 
-EXAMPLES = ("first_steps", "callback", "sweep", "own_law")
-
-DRIVER = """
+EXAMPLES = """
 import runpy, sys
 from taichi_ldem import Simulation
 for name in sys.argv[1:]:
     print("==", name)
     made = runpy.run_path(f"examples/{name}.py")
+"""
+CHECKS = """
 old = made["simulation"]
 
 # closed: says so, and keeps what was taken
@@ -73,11 +73,20 @@ def test_an_unknown_name_is_refused() -> None:
         _ = taichi_ldem.Simulaton
 
 
+def _printed(program: str, *examples: str) -> dict[str, str]:
+    """What each example printed, and the checks of the program."""
+    parts = re.split(r"^== (\w+(?: \w+)?):?", _python("-c", program, *examples), flags=re.M)
+    return {name: text.strip() for name, text in zip(parts[1::2], parts[2::2], strict=True)}
+
+
 @pytest.fixture(scope="module")
 def printed() -> dict[str, str]:
-    """What each example printed, and the checks of the driver."""
-    parts = re.split(r"^== (\w+(?: \w+)?):?", _python("-c", DRIVER, *EXAMPLES), flags=re.M)
-    return {name: text.strip() for name, text in zip(parts[1::2], parts[2::2], strict=True)}
+    return _printed(EXAMPLES + CHECKS, "first_steps", "callback")
+
+
+@pytest.fixture(scope="module")
+def printed_by_others() -> dict[str, str]:
+    return _printed(EXAMPLES, "sweep", "own_law")
 
 
 def test_first_steps(printed: dict[str, str]) -> None:
@@ -96,16 +105,18 @@ def test_a_callback_stops_a_run(printed: dict[str, str]) -> None:
     assert "finished = False" in printed["callback"]
 
 
-def test_a_sweep_in_one_process(printed: dict[str, str]) -> None:
-    rows = [line.split() for line in printed["sweep"].splitlines()[1:]]
+@pytest.mark.slow
+def test_a_sweep_in_one_process(printed_by_others: dict[str, str]) -> None:
+    rows = [line.split() for line in printed_by_others["sweep"].splitlines()[1:]]
     forces, broken = ([float(row[column]) for row in rows] for column in (1, 2))
     assert forces[0] < forces[1]
     assert 0 < broken[0] < broken[1]
 
 
-def test_a_law_of_ones_own_dissipates_g_f(printed: dict[str, str]) -> None:
+@pytest.mark.slow
+def test_a_law_of_ones_own_dissipates_g_f(printed_by_others: dict[str, str]) -> None:
     found, given = map(
-        float, re.search(r"([\d.]+) J/m2, given: ([\d.]+)", printed["own_law"]).groups()
+        float, re.search(r"([\d.]+) J/m2, given: ([\d.]+)", printed_by_others["own_law"]).groups()
     )
     assert found == pytest.approx(given, rel=1e-6)
 

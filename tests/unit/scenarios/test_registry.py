@@ -39,6 +39,7 @@ def _run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.slow  # tests/docs/test_extending.py adds a scenario by file and entry, too
 def test_a_new_scenario_takes_one_file_and_one_entry(tmp_path: Path) -> None:
     (tmp_path / "ringing.py").write_text(MODULE)
     free = SCENE[: SCENE.index("[clamp]")] + SCENE[SCENE.index("[solver]") :]
