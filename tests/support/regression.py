@@ -22,6 +22,8 @@ import numpy as np
 
 HERE = Path(__file__).parents[1]
 REFERENCE = HERE / "reference"
+AS_USERS_DO = {"TI_CFG_OPTIMIZATION": "1", "TI_ADVANCED_OPTIMIZATION": "1"}
+"""Settings of Taichi that `conftest` changes for the tests, as they are without it."""
 TOLERANCE = {"f64": 1e-10, "f32": 1e-4}
 BAND = 0.1
 """Of each column's largest value, after the first bar has softened."""
@@ -100,7 +102,7 @@ def all_runs(as_users_do: bool = True) -> dict[str, dict[str, Any]]:
         as_users_do: compile with all of Taichi's passes, also where the tests leave one out.
     """
     results: dict[str, dict[str, Any]] = {}
-    environment = os.environ | ({"TI_CFG_OPTIMIZATION": "1"} if as_users_do else {})
+    environment = os.environ | (AS_USERS_DO if as_users_do else {})
     for precision in ("f64", "f32"):
         names = [name for name in SCENES if name.endswith(precision)]
         command = [sys.executable, "-m", "support.regression", "--compute", *names]

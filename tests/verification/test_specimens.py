@@ -44,7 +44,9 @@ def _static(width: int, height: int, weights: bool) -> tuple[float, float]:
     return tension_of_a_prism(width, stiffness, height, weights)
 
 
-@pytest.mark.parametrize("weights", [True, False], ids=["weighted", "full"])
+@pytest.mark.parametrize(
+    "weights", [True, pytest.param(False, marks=pytest.mark.slow)], ids=["weighted", "full"]
+)
 def test_a_pulled_prism_has_the_modulus_of_the_static_solution(taichi: None, weights: bool) -> None:
     numbers, history = pull(_elastic_prism(6, 6, weights))
     assert history[-1]["energy_error"] < 1e-8

@@ -304,6 +304,7 @@ def test_the_plate_cracks_and_the_energy_is_there(runs: Runs) -> None:
     np.testing.assert_allclose(velocity[1:], expected, atol=0.02)
 
 
+@pytest.mark.slow
 def test_single_precision_follows_double(runs: Runs) -> None:
     double, single = runs["f64-2"]["rows"], runs["f32-2"]["rows"]
     whole = double[:, BROKEN] == 0
