@@ -59,3 +59,38 @@ def convergence(
             scene_file, folder, modules=modules or (), reference=reference, seeds=seeds, force=force
         )
     )
+
+
+@app.command()
+def toughness(
+    scene_file: Annotated[Path, typer.Argument(metavar="SCENE.toml", show_default=False)],
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="where results go (default: outputs/SCENE)")
+    ] = None,
+    angle: Annotated[
+        list[float] | None,
+        typer.Option(metavar="DEGREES", help="of the crack to a lattice plane; repeatable"),
+    ] = None,
+    refine: Annotated[
+        list[float] | None,
+        typer.Option(metavar="X", help="number of modules over the scene's; repeatable"),
+    ] = None,
+    seeds: Annotated[int, typer.Option(min=1, help="places of the notch within a module")] = 3,
+    quick: Annotated[bool, typer.Option("--quick", help="two angles, under a minute")] = False,
+    workers: Workers = 0,
+) -> None:
+    """Measure what a crack costs over its direction and the module size; a study continues."""
+    from taichi_ldem.studies.toughness.study import run
+
+    folder = Path("outputs", scene_file.stem) if out is None else out
+    raise typer.Exit(
+        run(
+            scene_file,
+            folder,
+            angles=angle or (),
+            refinements=refine,
+            seeds=seeds,
+            quick=quick,
+            workers=workers,
+        )
+    )

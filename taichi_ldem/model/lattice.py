@@ -192,7 +192,12 @@ class Lattice:
         return np.asarray(self.origin) + offset
 
     def bars_crossing(
-        self, axis: int, position: float, lower: tuple[float, float], upper: tuple[float, float]
+        self,
+        axis: int,
+        position: float,
+        lower: tuple[float, float],
+        upper: tuple[float, float],
+        angle: float = 0.0,
     ) -> npt.NDArray[np.uint16]:
         """Bars that cross a rectangle normal to an axis: the bars that a notch removes.
 
@@ -204,17 +209,21 @@ class Lattice:
                 above them, so that it separates two node planes.
             lower, upper: corners of the rectangle along the two other axes, in the order x, y, z,
             m.
+            angle: of the specimen's axes, in which the rectangle is given, to the lattice's, about
+            z, radians.
 
         Returns:
             (nz + 3, ny + 3, nx + 3) one bit a bar.
         """
-        first = self.grid()
+        first, vectors = self.grid(), BAR_VECTORS * self.spacing
+        if angle:
+            first, vectors = turned(first, angle), turned(vectors, angle)
         others = [a for a in range(3) if a != axis]
         plane = position + 1e-6 * self.spacing
         cut = np.zeros(self.sites, dtype=np.uint16)
         existing = bar_weights(False)[self.code] > 0
-        for bar, vector in enumerate(BAR_VECTORS * self.spacing):
-            if vector[axis] == 0.0:
+        for bar, vector in enumerate(vectors):
+            if abs(vector[axis]) < 1e-9 * self.spacing:
                 continue
             start = first[0 if bar < 3 else 1]
             along = (plane - start[..., axis]) / vector[axis]
@@ -225,6 +234,15 @@ class Lattice:
                 hit &= (place >= low - tolerance) & (place <= high + tolerance)
             cut |= hit.astype(np.uint16) << bar
         return cut
+
+
+def turned(places: npt.NDArray[np.float64], angle: float) -> npt.NDArray[np.float64]:
+    """Coordinates (..., 3) along axes that are turned about z by an angle (radians) to those given.
+
+    A specimen's coordinates come from the lattice's, and the other way round with minus the angle.
+    """
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return np.asarray(places @ [[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
 
 def prism(nx: int, ny: int, nz: int) -> npt.NDArray[np.bool_]:

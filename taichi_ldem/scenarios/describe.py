@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from taichi_ldem.model import material as mat
+from taichi_ldem.model.crack_cost import crack_cost
 from taichi_ldem.model.disorder import cv_from_shape, shape_of
 from taichi_ldem.scenarios import leave_out
 from taichi_ldem.scene import Scene
@@ -89,6 +90,11 @@ def _fracture(scene: Scene, bars: mat.Bars, fracture_energy: float) -> dict[str,
         "characteristic length 1/R_f^2": f"{1e3 * length:.3f} mm",
         "fracture energy G_f": f"{fracture_energy:.0f} J/m2",
     }
+    if (cost := crack_cost(scene)) is not None:
+        rows["a crack costs"] = (
+            f"{cost.diagonal:.1f} to {cost.axis:.1f} G_f (along a diagonal, along an axis of the "
+            f"lattice); within 10 % of G_f below L = {1e3 * cost.resolved:.2g} mm"
+        )
     if m.limit_strain is not None:
         excess = [f.energy_to_break / (fracture_energy * f.fracture_area) - 1 for f in families]
         rows["a broken bar dissipates"] = (

@@ -76,10 +76,10 @@ class Plate(Table):
         default=None,
         description="radius of the fillets between a dumb-bell's middle part and its tabs, m",
     )
-    angle: Literal[0, 45] = Field(
+    angle: Annotated[int | float, Field(ge=0, le=90)] = Field(
         default=0,
-        description="angle between the specimen's long side and the lattice's x axis, degrees; for"
-        " scenario = 'tension' only",
+        description="angle by which the specimen is turned in the lattice: from the lattice's x to"
+        " side size[0], degrees; for scenario = 'tension' only. Notches turn with it",
     )
     surface_weights: Flag = Field(
         default=True,
@@ -107,11 +107,14 @@ class Plate(Table):
     def modules(self) -> tuple[int, int, int]:
         """Number of modules along x, y, z: the sides rounded to whole modules.
 
-        A specimen cut at an angle has those of the smallest square block that holds it.
+        A specimen that is turned in the lattice has those of the smallest block that holds it.
         """
         sides = self.size[:2]
         if self.angle:
-            sides = ((sides[0] + sides[1]) / math.sqrt(2) + self.spacing,) * 2
+            cosine, sine = math.cos(math.radians(self.angle)), math.sin(math.radians(self.angle))
+            x, y = sides
+            margin = self.spacing if self.angle % 90 else 0.0
+            sides = (x * cosine + y * sine + margin, x * sine + y * cosine + margin)
         nx, ny = (max(1, round(side / self.spacing)) for side in sides)
         return nx, ny, self.modules_through_thickness
 

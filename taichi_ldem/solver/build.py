@@ -52,7 +52,9 @@ def notch_bars(scene: Scene, lattice: Lattice) -> npt.NDArray[np.uint16]:
     removed = np.zeros(lattice.sites, dtype=np.uint16)
     for number, notch in enumerate(scene.notch):
         (a, b), (c, d) = notch.bounds
-        cut = lattice.bars_crossing(notch.axes[0], notch.position, (a, c), (b, d))
+        cut = lattice.bars_crossing(
+            notch.axes[0], notch.position, (a, c), (b, d), math.radians(scene.plate.angle)
+        )
         if not cut.any():
             raise SceneError(f"notch[{number}].position = {notch.position}: the plane cuts no bar")
         removed |= cut

@@ -6,6 +6,7 @@ SHOT is a ``Shot`` as JSON; where it is empty, the three standing views are draw
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -47,7 +48,8 @@ class _Run:
     def fields(self, step: int) -> Fields:
         """Fields of a step; the modules that a notch cuts count as broken."""
         fields = read_fields(self.folder.fields_file, step)
-        fields.broken_fraction[notched(fields, self.scene.notch)] = 1.0
+        angle = math.radians(self.scene.plate.angle)
+        fields.broken_fraction[notched(fields, self.scene.notch, angle)] = 1.0
         return fields
 
 

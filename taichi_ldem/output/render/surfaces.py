@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_ldem.model.lattice import turned
 from taichi_ldem.scene import Notch
 from taichi_ldem.storage.fields import Fields
 
@@ -63,19 +65,25 @@ def holding(fields: Fields) -> NDArray[np.bool_]:
     return (fields.broken_fraction < FAILED_SHARE) & (spread < _TORN * half_diagonal)
 
 
-def notched(fields: Fields, notches: Sequence[Notch]) -> NDArray[np.bool_]:
-    """Mask (C,) of the modules that a notch cuts. They are left out, so that the notch shows."""
+def notched(fields: Fields, notches: Sequence[Notch], angle: float = 0.0) -> NDArray[np.bool_]:
+    """Mask (C,) of the modules that a notch cuts. They are left out, so that the notch shows.
+
+    Args:
+        angle: of the specimen's axes, along which notches lie, to the lattice's, radians.
+    """
     low = fields.points[fields.hexahedra[:, 0]]
     edge = float(np.linalg.norm(fields.points[fields.hexahedra[0, 1]] - low[0]))
+    middle = turned(low + edge / 2, angle) if angle else low + edge / 2
+    # a module of edge 1 reaches so far to either side of its middle along each axis
+    reach = np.array([abs(math.cos(angle)) + abs(math.sin(angle))] * 2 + [1.0]) / 2
     found = np.zeros(len(low), dtype=bool)
     for notch in notches:
         normal, *axes = notch.axes
         # a plane through nodes lies just beyond them (Lattice.bars_crossing)
-        off = (notch.position - low[:, normal]) / edge
-        cut = (off > -1e-6) & (off < 1 - 1e-6)
+        off = (notch.position - middle[:, normal]) / edge
+        cut = (off > -reach[normal] - 1e-6) & (off < reach[normal] - 1e-6)
         for axis, (start, stop) in zip(axes, notch.bounds, strict=True):
-            middle = low[:, axis] + edge / 2
-            cut &= (middle > start) & (middle < stop)
+            cut &= (middle[:, axis] > start) & (middle[:, axis] < stop)
         found |= cut
     return found
 

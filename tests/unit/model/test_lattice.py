@@ -10,6 +10,7 @@ from taichi_ldem.model.lattice import (
     dumbbell_half_width,
     node_masses,
     prism,
+    turned,
 )
 
 RAGGED = np.random.default_rng(3).random((3, 4, 5)) < 0.6
@@ -93,6 +94,31 @@ def test_a_plane_cuts_the_bars_whose_ends_it_parts(axis: int, position: float) -
     parted = (ends.min(axis=1) <= position) & (ends.max(axis=1) > position)
     np.testing.assert_array_equal(body.bar_values(bits, lattice.bar_midpoints), parted)
     assert bits.sum() == parted.sum()
+
+
+@pytest.mark.parametrize("angle", [12.0, 22.5, 45.0])
+def test_a_turned_plane_cuts_the_bars_whose_ends_it_parts(angle: float) -> None:
+    """Counted from the nodes' places, with the plane's normal turned by hand."""
+    lattice, body = Lattice(prism(4, 4, 3), 1.0), Body(prism(4, 4, 3), 1.0)
+    turn = np.radians(angle)
+    cut = lattice.bars_crossing(0, 0.23, (-9.0, -9.0), (9.0, 9.0), turn)
+    bits = cut[..., None] >> np.arange(14) & 1
+    along = body.positions[body.ends] @ (np.cos(turn), np.sin(turn), 0.0)
+    parted = (along.min(axis=1) <= 0.23) & (along.max(axis=1) > 0.23)
+    np.testing.assert_array_equal(body.bar_values(bits, lattice.bar_midpoints), parted)
+    assert bits.sum() == parted.sum() > 0
+
+
+def test_a_plane_turned_by_a_right_angle_is_normal_to_the_next_axis() -> None:
+    lattice = Lattice(prism(5, 5, 2), 1.0)
+    turned_x = lattice.bars_crossing(0, 0.25, (-1.0, 0.0), (1.0, 9.0), np.pi / 2)
+    np.testing.assert_array_equal(turned_x, lattice.bars_crossing(1, 0.25, (-1.0, 0.0), (1.0, 9.0)))
+
+
+def test_turned_coordinates_turn_back() -> None:
+    places = np.random.default_rng(1).normal(size=(5, 3))
+    np.testing.assert_allclose(turned(turned(places, 0.7), -0.7), places, atol=1e-15)
+    np.testing.assert_allclose(turned(np.array([0.0, 1.0, 2.0]), np.pi / 2), [1, 0, 2], atol=1e-15)
 
 
 def test_a_short_notch_cuts_only_bars_that_pass_through_it() -> None:

@@ -1,0 +1,1 @@
+"""What a crack costs, over its direction and the module size: ``ldem study toughness``."""
