@@ -229,6 +229,11 @@ class Material(Table):
         description="softening law of a bar; a law that a program registers also counts",
     )
     damage: Flag = Field(default=True, description="whether bars soften and fail")
+    after_failure: Literal["gone", "closing"] = Field(
+        default="gone",
+        description="what a failed bar carries: nothing, or compression where its ends are closer"
+        " than at rest, like the faces of a crack that closes",
+    )
     fracture_areas: Literal["derived", "paper"] = Field(
         default="derived",
         description="fracture areas of the two bar families: derived, or printed in Eqs. (7), (8)",

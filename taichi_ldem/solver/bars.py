@@ -180,12 +180,18 @@ class BarForces:
 
     @ti.func
     def integrity(self, bar: ti.template(), strain, peak):
-        """Share of its stiffness that a bar has at a strain, given its peak strain over eps_p."""
+        """Share of its stiffness that a bar has at a strain, given its peak strain over eps_p.
+
+        A bar is whole in compression until it fails, and with ``closing`` also afterwards.
+        """
         family = ti.static(FAMILY[bar])
         failure, parameter = self.state.softening[family][0], self.state.softening[family][1]
         share = 1.0
         if peak >= failure:
             share = 0.0
+            if ti.static(self.state.features.closing):
+                if strain < 0:
+                    share = 1.0
         elif peak > 1 and strain > 0:
             share = self.state.law.softening(peak, failure, parameter) / peak
         return share

@@ -57,6 +57,7 @@ class Features:
     Attributes:
         law: name of the softening law, or None for an elastic lattice.
         damping: whether there is mass-proportional damping.
+        closing: whether failed bars still carry compression.
         notch: whether bars are removed from the start.
         strength: whether every bar has an eps_p of its own.
         modulus: whether every bar has a Young's modulus of its own.
@@ -80,6 +81,12 @@ class Features:
         "solver.damping = 0",
         lambda scene: scene.solver.damping > 0,
         lambda _: {"solver": {"damping": 1.0}},
+    )
+    closing: bool = _feature(
+        "contact of crack faces",
+        'material.after_failure = "gone"',
+        lambda scene: scene.material.damage and scene.material.after_failure == "closing",
+        lambda _: {"material": {"after_failure": "closing"}},
     )
     notch: bool = _feature(
         "removed bars", "no [[notch]]", lambda scene: bool(scene.notch), _corner_notch

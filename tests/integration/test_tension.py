@@ -217,7 +217,7 @@ DUMBBELL = (CONFIGS / "tension_quick.toml").read_text()
             "plate.narrow_length = 0.03: must fit into plate.size[0] together with the fillets",
         ),
         ("plate.shape=rectangle", 'is for plate.shape = "dumbbell" only'),
-        ("plate.angle=30", "plate.angle = 30: must be 0 or 45"),
+        ("plate.angle=100", "plate.angle = 100: must be at most 90"),
         ("scenario=impact", 'scenario = "impact": takes no table [grips]'),
         ("clamp.kind=free", 'scenario = "tension": takes no table [clamp]'),
     ],

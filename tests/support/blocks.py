@@ -54,7 +54,7 @@ class Breakable:
 
     spacing = 0.3e-3  # K_r of 2.3 and 2.7
 
-    def __init__(self, law: str):
+    def __init__(self, law: str, closing: bool = False):
         from support.bars import BarForces
 
         from taichi_ldem.solver.dynamics import Dynamics, Features
@@ -62,8 +62,9 @@ class Breakable:
 
         lattice = Lattice(prism(3, 3, 3), self.spacing)
         self.law = law
+        features = Features(law=law, closing=closing)
         self.bars = mat.bar_families(Material(**PMMA | DAMAGE), self.spacing)
-        self.dynamics = Dynamics(lattice, self.bars, PMMA["density"], Features(law=law))
+        self.dynamics = Dynamics(lattice, self.bars, PMMA["density"], features)
         self.bar_forces = BarForces(self.dynamics)
         self.sums = EnergySums(self.dynamics)
         self.body = Body(lattice.mask, self.spacing)

@@ -48,6 +48,7 @@ def test_a_wide_strip_stores_what_plane_stress_says(taichi: None) -> None:
     assert stored[1] - stored[0] == pytest.approx(theory, rel=0.03)
 
 
+@pytest.mark.slow
 def test_a_strip_turned_by_a_right_angle_is_the_same_strip(taichi: None) -> None:
     """The lattice is cubic: only the order of sums differs."""
     pulls = []

@@ -6,6 +6,7 @@ mathematics. All numbers are in the units that the axes' labels name.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
@@ -139,3 +140,23 @@ class Panel:
     note: str = ""
     remark: str = ""
     path: tuple[Series, Series] | None = None
+
+    @property
+    def visible(self) -> list[Element]:
+        """The elements without marks that lie beyond the range of x.
+
+        A mark that nobody sees must not stand in the legend.
+        """
+        if self.x_range is None:
+            return list(self.elements)
+        low, high = self.x_range
+        return [e for e in self.elements if _reach(e)[0] <= high and _reach(e)[1] >= low]
+
+
+def _reach(element: Element) -> tuple[float, float]:
+    """Smallest and largest x of a mark; of anything else, no limits."""
+    if isinstance(element, Line | Point) and element.x is not None:
+        return element.x, element.x
+    if isinstance(element, Box) and element.x is not None:
+        return element.x
+    return -math.inf, math.inf

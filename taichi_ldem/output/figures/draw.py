@@ -84,7 +84,7 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
     axes.set_ylabel(panel.y)
     if panel.log:
         axes.set_yscale("log")
-    draw_elements(axes, panel.elements)
+    draw_elements(axes, panel.visible)
     if panel.y_range is not None:
         axes.set_ylim(*panel.y_range)
     if panel.x_range is not None:
@@ -93,7 +93,7 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
         axes.set_title(panel.note, fontsize=12)
     if panel.remark:
         axes.set_title(panel.remark, loc="right", color="0.5", fontsize=11, y=-0.14)
-    for element in panel.elements:
+    for element in panel.visible:
         if isinstance(element, Times) and element.named:
             name_times(axes, element)
 

@@ -55,9 +55,9 @@ def figures(run: LoadedRun) -> list[Figure]:
 
 def figure(panel: Panel) -> Figure:
     """A panel; the time of the slider is a line in it, or a point on its path."""
-    traces = [trace for element in panel.elements for trace in _traces(element)]
+    traces = [trace for element in panel.visible for trace in _traces(element)]
     more: dict[str, Any] = {}
-    shapes = [shape for element in panel.elements for shape in _shapes(element)]
+    shapes = [shape for element in panel.visible for shape in _shapes(element)]
     if shapes:
         more["shapes"] = shapes
     if panel.x_range is not None:

@@ -9,7 +9,8 @@ all that a new law needs. The file has three functions:
 
 Everything is dimensionless: strains in units of eps_p, forces in units of EA eps_p, energies in
 units of EA eps_p^2 times the bar's length. Up to peak strain 1 a bar is elastic; from there to the
-ratio at failure it follows the branch; then it is broken and carries nothing in either direction.
+ratio at failure it follows the branch; then it is broken and carries nothing, or compression only
+(``material.after_failure``).
 It unloads to the origin, and compression is linear elastic as long as the bar exists, so the peak
 strain is the whole history.
 

@@ -65,6 +65,34 @@ def test_one_bar_loaded_unloaded_reloaded_compressed_and_broken(
         assert force == pytest.approx(expected, rel=1e-11, abs=1e-12 * whole * EPS_P)
 
 
+def test_a_failed_bar_that_closes_carries_compression_and_no_tension(taichi: None) -> None:
+    """Forces bar by bar, and the work of the nodes against the change of the ledger's energies."""
+    block = Breakable("bilinear", closing=True)
+    body, positions = block.body, block.body.positions
+    stiffness = (block.bars.longitudinal.axial_stiffness, block.bars.diagonal.axial_stiffness)
+    block.put(4.0 * EPS_P * positions)  # K_r is 2.3 and 2.7: every bar fails
+    assert not block.pulls().any()
+    _, dissipated, broken = block.energies()
+    assert broken == len(body.ends)
+    work = 0.0
+    path = np.linspace(0.5, -1.5, 41)
+    before = block.node_forces()
+    for last, ratio in itertools.pairwise(path):
+        displacement = EPS_P * ratio * positions
+        block.put(displacement)
+        kept = np.full(len(body.ends), 1.0 if ratio < 0 else 0.0)
+        force = body.forces(displacement, stiffness, kept)
+        np.testing.assert_allclose(block.node_forces(), force, atol=1e-12 * stiffness[0])
+        # the nodes do work against the bars' forces, by the trapezium rule
+        work -= 0.5 * ((before + force) * (EPS_P * (ratio - last) * positions)).sum()
+        before = force
+    strain, fracture, still = block.energies()
+    assert (fracture, still) == (dissipated, broken)
+    assert strain == pytest.approx(work, rel=2e-3)  # 30 trapeziums of a parabola and its ends
+    block.put(0.2 * EPS_P * positions)
+    assert not block.pulls().any()
+
+
 @pytest.mark.parametrize("family", FAMILIES)
 def test_pulling_a_bar_apart_takes_its_fracture_energy(breakable: Breakable, family: str) -> None:
     """The area under force against elongation, by the trapezium rule, is G_f A_f for both laws."""

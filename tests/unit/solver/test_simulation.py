@@ -227,10 +227,10 @@ sys.path.insert(0, "tests")
 from support.blocks import DAMAGE, block_scene
 from taichi_ldem.solver import backend
 
-precision, threads, out = sys.argv[1], int(sys.argv[2]), sys.argv[3]
+precision, threads, after_failure, out = sys.argv[1], int(sys.argv[2]), *sys.argv[3:]
 scene = block_scene(
     16, 16, 3,
-    material=DAMAGE,
+    material=DAMAGE | {"after_failure": after_failure},
     striker={"diameter": 2e-3, "mass": 1e-3, "velocity": 6.0, "gravity": 9.81},
     clamp={"kind": "rings", "inner_diameter": 5.2e-3, "outer_diameter": 7.6e-3},
     solver={"duration": 1.5e-4, "precision": precision, "threads": threads},
@@ -260,7 +260,7 @@ class Runs:
         self.done: dict[str, dict[str, np.ndarray]] = {}
 
     def __getitem__(self, name: str) -> dict[str, np.ndarray]:
-        """The arrays of a run, by a name as "f64-2": precision and threads."""
+        """The arrays of a run, by a name as "f64-2-gone": precision, threads, after_failure."""
         if name not in self.done:
             path = self.folder / f"{name}.npz"
             command = [sys.executable, "-c", RUN, *name.split("-"), str(path)]
@@ -282,14 +282,25 @@ TIME, TRAVEL, VELOCITY, FORCE, RING, BROKEN, ERROR, ERROR_OF_PLATE = range(8)
 
 @pytest.mark.parametrize("precision", ["f64", pytest.param("f32", marks=pytest.mark.slow)])
 def test_the_number_of_threads_changes_no_bit(runs: Runs, precision: str) -> None:
-    one, two = runs[f"{precision}-1"], runs[f"{precision}-2"]
+    one, two = runs[f"{precision}-1-gone"], runs[f"{precision}-2-gone"]
     for name in one:
         np.testing.assert_array_equal(one[name], two[name])
 
 
+@pytest.mark.slow
+def test_cracks_that_close_keep_bits_and_energy(runs: Runs) -> None:
+    one, two, gone = runs["f64-1-closing"], runs["f64-2-closing"], runs["f64-2-gone"]
+    for name in one:
+        np.testing.assert_array_equal(one[name], two[name])
+    rows = two["rows"]
+    assert rows[-1, BROKEN] > 20
+    assert rows[-1, ERROR_OF_PLATE] < 0.03
+    assert not np.array_equal(two["displacement"], gone["displacement"])
+
+
 def test_the_plate_cracks_and_the_energy_is_there(runs: Runs) -> None:
-    rows = runs["f64-2"]["rows"]
-    assert rows[-1, BROKEN] == len(runs["f64-2"]["bars"]) > 20
+    rows = runs["f64-2-gone"]["rows"]
+    assert rows[-1, BROKEN] == len(runs["f64-2-gone"]["bars"]) > 20
     assert np.all(np.diff(rows[:, BROKEN]) >= 0)
     whole = rows[:, BROKEN] == 0
     assert rows[whole, ERROR].max() < 1e-5
@@ -306,7 +317,7 @@ def test_the_plate_cracks_and_the_energy_is_there(runs: Runs) -> None:
 
 @pytest.mark.slow
 def test_single_precision_follows_double(runs: Runs) -> None:
-    double, single = runs["f64-2"]["rows"], runs["f32-2"]["rows"]
+    double, single = runs["f64-2-gone"]["rows"], runs["f32-2-gone"]["rows"]
     whole = double[:, BROKEN] == 0
     assert np.count_nonzero(whole) >= 3
     # the rings lie on the faces: not a rounding error of the module's edge inside
