@@ -75,6 +75,7 @@ def test_a_softening_law_is_one_file(copy: Path) -> None:
     assert _summary(copy / "run")["broken_bars"] > 0
 
 
+@pytest.mark.slow
 def test_a_nose_of_the_striker_is_one_file(copy: Path) -> None:
     _add(copy, "taichi_ldem/solver/contact/noses/flat.py")
     scene = _scene(copy, ("diameter = 0.006\n", 'diameter = 0.006\nshape = "flat"\n'))

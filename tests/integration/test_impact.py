@@ -229,6 +229,7 @@ def test_the_end_is_written_where_it_falls_within_an_interval(scene: Path) -> No
     assert read_fields(folder.fields_file).times == pytest.approx([0.0, 2e-5], abs=0.5 * step)
 
 
+@pytest.mark.slow
 def test_f32_runs_and_agrees_before_cracking(finished: RunFolder, single: RunFolder) -> None:
     f32, double = single.read_history(), finished.read_history()
     before = double["fracture_j"] == 0

@@ -30,6 +30,7 @@ def _strip(width: int, **plate: Any) -> "Simulation":
     return Simulation(scene)
 
 
+@pytest.mark.slow
 def test_a_wide_strip_stores_what_plane_stress_says(taichi: None) -> None:
     """Two strips differ by columns that no free edge reaches (Rivlin and Thomas, 1953)."""
     from taichi_ldem.studies.toughness.strip import free_height

@@ -47,7 +47,10 @@ def test_every_feature_is_left_out_with_its_reason_or_switched_on() -> None:
     ]
 
 
-@pytest.mark.parametrize("name", [f.name for f in dataclasses.fields(Features)])
+# failed bars that close are a branch of the law and need no field
+@pytest.mark.parametrize(
+    "name", [f.name for f in dataclasses.fields(Features) if f.name != "closing"]
+)
 def test_a_feature_has_fields_of_its_own(name: str) -> None:
     layout = Layout.fitting((5, 20, 20), 8, True, 2)
     value = "bilinear" if name == "law" else True

@@ -176,6 +176,7 @@ def used(taichi: None) -> "Simulation":
     return simulation
 
 
+@pytest.mark.slow
 def test_a_reset_simulation_runs_as_a_fresh_one_to_the_last_bit(used: "Simulation") -> None:
     from taichi_ldem.solver.simulation import Simulation
 
