@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from taichi_ldem.cli.options import Settings, read_scene
+
 app = typer.Typer(help="Studies of the program itself: stability, error against run time.")
 
 Workers = Annotated[
@@ -76,8 +78,11 @@ def toughness(
         typer.Option(metavar="X", help="number of modules over the scene's; repeatable"),
     ] = None,
     seeds: Annotated[int, typer.Option(min=1, help="places of the notch within a module")] = 3,
-    quick: Annotated[bool, typer.Option("--quick", help="two angles, under a minute")] = False,
-    workers: Workers = 0,
+    quick: Annotated[bool, typer.Option("--quick", help="two strips only")] = False,
+    settings: Settings = None,
+    workers: Annotated[
+        int, typer.Option(min=0, help="processes at a time, which share the cores (0: all cores)")
+    ] = 0,
 ) -> None:
     """Measure what a crack costs over its direction and the module size; a study continues."""
     from taichi_ldem.studies.toughness.study import run
@@ -85,7 +90,7 @@ def toughness(
     folder = Path("outputs", scene_file.stem) if out is None else out
     raise typer.Exit(
         run(
-            scene_file,
+            read_scene(scene_file, settings or (), {}),
             folder,
             angles=angle or (),
             refinements=refine,

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taichi_ldem.model.material import bar_families
+from taichi_ldem.model.material import characteristic_length
 from taichi_ldem.scene import Scene
 
 MEASURED_RATIO = 0.25
-"""Poisson's ratio of the strips; for others the diagonals are as much stiffer or softer."""
+"""Poisson's ratio of the strips. Another one changes the stiffness of the diagonals."""
 
 RESOLVED = 1.1
 """G_c / G_f up to which a scene counts as resolving its cracks."""
@@ -58,12 +58,10 @@ def crack_cost(scene: Scene) -> CrackCost | None:
     It has for bilinear bars whose limit strain follows from G_f by Eq. (12), near nu = 1/4.
     """
     m = scene.material
-    measured = m.damage and m.fracture_energy and m.limit_strain is None and m.law == "bilinear"
+    measured = m.damage and m.limit_strain is None and m.law == "bilinear"
     if not measured or abs(m.poisson_ratio - MEASURED_RATIO) > NEAR:
         return None
-    assert m.fracture_energy is not None
-    strain = bar_families(m, scene.plate.spacing, scene.plate.stiffness).longitudinal.peak_strain
-    length = m.fracture_energy / (m.youngs_modulus * strain**2)
+    length = characteristic_length(m)
     ratio = scene.plate.spacing / length
     resolved = float(np.interp(RESOLVED, AXIS, SIZES)) * length
     return CrackCost(_cost(AXIS, ratio), _cost(DIAGONAL, ratio), resolved)

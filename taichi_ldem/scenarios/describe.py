@@ -79,8 +79,7 @@ def _fracture(scene: Scene, bars: mat.Bars, fracture_energy: float) -> dict[str,
     def pair(values: list[float], form: str = ".4f") -> str:
         return ", ".join(f"{value:{form}}" for value in values)
 
-    # Eq. (9): R_f = eps_p sqrt(E / G_f), so 1 / R_f^2 = G_f / (E eps_p^2)
-    length = fracture_energy / (m.youngs_modulus * eps_p**2)
+    length = mat.characteristic_length(m)
     rows = {
         "peak strain eps_p": f"{eps_p:.5f}",
         "strength E eps_p": f"{1e-6 * m.youngs_modulus * eps_p:.1f} MPa",

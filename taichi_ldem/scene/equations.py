@@ -127,6 +127,18 @@ def failure_strain(material: Material) -> float:
     return material.failure_factor * math.sqrt(material.fracture_energy / material.youngs_modulus)
 
 
+def characteristic_length(material: Material) -> float:
+    """l_ch = E G_f / (E eps_p)^2, m (Hillerborg et al. 1976); 1 / R_f^2 by Eq. (9).
+
+    Raises:
+        SceneError: bars cannot break.
+    """
+    if not material.damage or material.fracture_energy is None:
+        raise SceneError("material.damage = false: a crack needs bars that break")
+    strain = failure_strain(material)
+    return material.fracture_energy / (material.youngs_modulus * strain**2)
+
+
 def bar_families(material: Material, spacing: float, stiffness_variant: str = "equation-2") -> Bars:
     """Both bar families of a lattice of module edge ``spacing`` (m), without judging K_r.
 

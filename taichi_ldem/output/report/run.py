@@ -121,7 +121,7 @@ def _random(scene: Scene, folder: RunFolder) -> str:
         text = f"{name.replace('_', ' ')} with a CV of {100 * cv_from_shape(shape):.3g} %"
         if place < len(drawn):
             mean, cv = drawn[place]
-            text += f" (drawn: {100 * cv:.3g} %, mean {mean:.4g} of the asked)"
+            text += f" (drawn: {100 * cv:.3g} %, mean {mean:.4g} times the given one)"
         parts.append(text)
     if disorder is None or not parts:
         return ""

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from taichi_ldem.model.material import check
+from taichi_ldem.model.material import characteristic_length, check
 from taichi_ldem.scene import Scene, parse_scene
-from taichi_ldem.studies.toughness.strip import fracture_energy, geometry
+from taichi_ldem.studies.toughness.strip import geometry
 
 ANGLES = (0.0, 15.0, 22.5, 30.0, 45.0)
 """Degrees between a crack's plane and a lattice plane (100)."""
@@ -55,8 +55,11 @@ class Strip:
         """Module edge, m."""
         return base.plate.spacing / self.refinement
 
-    def scene(self, base: Scene) -> Scene:
+    def scene(self, base: Scene, threads: int | None = None) -> Scene:
         """The base scene as this strip.
+
+        Args:
+            threads: of the run, in place of the scene's.
 
         Raises:
             SceneError: its modules become so coarse that bars cannot soften (K_r < 1).
@@ -76,6 +79,8 @@ class Strip:
             data["plate"]["perturbation_seed"] = base.plate.perturbation_seed + self.seed
             if "disorder" in data:
                 data["disorder"]["seed"] = data["disorder"]["seed"] + self.seed
+        if threads is not None:
+            data["solver"]["threads"] = threads
         scene = parse_scene(data, self.name)
         check(scene)
         return scene
@@ -95,13 +100,15 @@ def strips(
     refinements: Sequence[float] = REFINEMENTS,
     seeds: int = 3,
 ) -> list[Strip]:
-    """All strips: every angle with the scene's modules, then two angles with other modules.
+    """All strips: every angle with the scene's modules, then ``REFINED`` with other modules.
+
+    Where one angle only is wanted, it is the one that is refined.
 
     Raises:
         SceneError: the base scene is no strip, or its bars cannot break.
     """
     geometry(base)
-    fracture_energy(base)
+    characteristic_length(base.material)
     found = [Strip(angle, 1.0, seed) for angle in angles for seed in range(seeds)]
     for factor in refinements:
         for angle in REFINED if len(angles) > 1 else angles:

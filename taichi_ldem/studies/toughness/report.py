@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from taichi_ldem.model.material import characteristic_length
 from taichi_ldem.scene import Scene
 from taichi_ldem.studies.toughness.plan import Strip
-from taichi_ldem.studies.toughness.strip import Reading, characteristic_length
+from taichi_ldem.studies.toughness.strip import Reading
 
 Found = Mapping[Strip, Reading]
 Places = dict[tuple[float, float], list[Reading]]
@@ -87,7 +88,7 @@ HEADS = (
 
 def table(scene: Scene, places: Places) -> str:
     """All means and standard deviations as Markdown."""
-    length = characteristic_length(scene)
+    length = characteristic_length(scene.material)
     lines = ["| " + " | ".join(HEADS) + " |", "|" + "---|" * len(HEADS)]
     for (spacing, angle), readings in sorted(places.items(), reverse=True):
         cells = [
@@ -122,7 +123,7 @@ def figures(scene: Scene, places: Places, out: Path) -> None:
 
     figure = plt.figure(figsize=(11, 5), layout="constrained")
     _polar(figure.add_subplot(1, 2, 1, projection="polar"), places, scene.plate.spacing)
-    _sizes(figure.add_subplot(1, 2, 2), places, characteristic_length(scene))
+    _sizes(figure.add_subplot(1, 2, 2), places, characteristic_length(scene.material))
     figure.savefig(out / "toughness.png", dpi=130)
     plt.close(figure)
 

@@ -18,16 +18,16 @@ along it releases, wherever it is, as long as both ends of the strip are further
 import json
 import math
 import sys
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from taichi_ldem.errors import SceneError
+from taichi_ldem.errors import ExitCode, SceneError, SimulationStopped
 from taichi_ldem.model.lattice import turned
-from taichi_ldem.model.material import check
+from taichi_ldem.model.material import failure_strain
 from taichi_ldem.scene import Scene, load_scene
 
 if TYPE_CHECKING:
@@ -41,8 +41,7 @@ STARTED = 2.0
 WINDOW = (0.2, 0.6)
 """Share of the ligament, from the notch, in which a running crack is measured.
 
-In the proportions of configs/tension_strip.toml, the free edge is then still about as far away as
-the strip is high.
+In configs/tension_strip.toml, the free edge is then still 12 mm away, and the strip is 15 mm high.
 """
 
 ALL_OVER = 0.25
@@ -60,8 +59,8 @@ class Reading:
         deviation: of the crack's path within the window from the notch's plane, degrees; positive
             towards the lattice plane (100) from which ``plate.angle`` counts.
         speed: mean speed within the window over that of Rayleigh waves.
-        strain: mean strain of the strip over the bars' smallest peak strain when the crack started:
-            close to 1, the strip fails all over and tells nothing.
+        strain: mean strain of the strip over eps_p when the crack started. Close to 1, the strip
+            fails all over and shows no cost of a crack.
         energy_error: largest imbalance of energy over what the plate held.
     """
 
@@ -96,6 +95,7 @@ class Record:
         when: (m,) row in which a bar was found broken.
         along, across: (m,) its mid-point along the strip from the tip of the notch, and from the
             notch's plane, m.
+        energy_error: largest imbalance of energy over what the plate held.
     """
 
     separation: Array
@@ -104,14 +104,11 @@ class Record:
     when: npt.NDArray[np.int64]
     along: Array
     across: Array
+    energy_error: float
 
 
-def run(simulation: "Simulation") -> tuple[Record, float]:
-    """Pull a strip until its crack has left ``WINDOW``.
-
-    Returns:
-        the record; largest imbalance of energy over what the plate held.
-    """
+def run(simulation: "Simulation") -> Record:
+    """Pull a strip until its crack has left ``WINDOW``."""
     scene, dynamics = simulation.scene, simulation.dynamics
     tip, plane, far = geometry(scene)
     rows: list[tuple[float, float, float]] = []
@@ -131,15 +128,15 @@ def run(simulation: "Simulation") -> tuple[Record, float]:
             break
     place = np.concatenate(places)
     time, separation, fracture = np.array(rows, dtype=float).T
-    record = Record(
+    return Record(
         separation,
         fracture,
         time,
         np.array(when, dtype=np.int64),
         place[:, 1] - tip,
         place[:, 0] - plane,
+        error,
     )
-    return record, error
 
 
 def geometry(scene: Scene) -> tuple[float, float, float]:
@@ -159,32 +156,31 @@ def geometry(scene: Scene) -> tuple[float, float, float]:
 
 def free_height(simulation: "Simulation") -> float:
     """Height of the strip between the innermost nodes that the grips hold, m."""
-    scene, lattice = simulation.scene, simulation.dynamics.lattice
-    assert scene.grips is not None
-    along = turned(lattice.positions(), math.radians(scene.plate.angle))[..., 0][lattice.exists()]
-    start = along.max() - scene.grips.length - 1e-6 * lattice.spacing
-    return 2 * float(np.abs(along[np.abs(along) >= start]).min())
+    angle, lattice = math.radians(simulation.scene.plate.angle), simulation.dynamics.lattice
+    held = lattice.positions().reshape(-1, 3)[simulation.body("grips").listed()]
+    return 2 * float(np.abs(turned(held, angle)[:, 0]).min())
 
 
-def read(simulation: "Simulation", record: Record, error: float) -> Reading:
+def read(simulation: "Simulation", record: Record) -> Reading:
     """What a record says; the definitions are those of ``Reading``."""
     scene = simulation.scene
     material, height = scene.material, free_height(simulation)
     _, _, ligament = geometry(scene)
+    assert material.fracture_energy is not None  # `strips` refuses a scene without it
     modulus = material.youngs_modulus / (1 - material.poisson_ratio**2)
-    released = modulus * record.separation**2 / (2 * height) / fracture_energy(scene)
+    released = modulus * record.separation**2 / (2 * height) / material.fracture_energy
     of_crack = np.abs(record.across) < ALL_OVER * scene.plate.size[0]
     front = np.full(len(record.time), 0.0)
     np.maximum.at(front, record.when[of_crack], record.along[of_crack])
     front = np.maximum.accumulate(front)
     started = first(front, STARTED * scene.plate.spacing)
     if started is None:
-        return Reading(energy_error=error)
+        return Reading(energy_error=record.energy_error)
     strain = float(record.separation[started] / height)
     found = Reading(
         start=float(released[started]),
-        strain=strain / smallest_peak_strain(scene),
-        energy_error=error,
+        strain=strain / failure_strain(material),
+        energy_error=record.energy_error,
     )
     begin, end = (first(front, share * ligament) for share in WINDOW)
     if begin is None or end is None:
@@ -198,14 +194,12 @@ def read(simulation: "Simulation", record: Record, error: float) -> Reading:
         wave = rayleigh_speed(material.youngs_modulus, material.poisson_ratio, material.density)
         speed = float(advance / (record.time[end] - record.time[begin]) / wave)
     dissipated = record.fracture[end] - record.fracture[begin]
-    return Reading(
-        start=found.start,
+    return replace(
+        found,
         run=float(released[begin]),
-        bars=float(dissipated / area / fracture_energy(scene)),
+        bars=float(dissipated / area / material.fracture_energy),
         deviation=math.degrees(math.atan(slope)),
         speed=speed,
-        strain=found.strain,
-        energy_error=error,
     )
 
 
@@ -213,31 +207,6 @@ def first(values: Array, limit: float) -> int | None:
     """Index of the first value that is above a limit."""
     above = np.flatnonzero(values > limit)
     return int(above[0]) if len(above) else None
-
-
-def smallest_peak_strain(scene: Scene) -> float:
-    """Smaller peak strain of the two families of bars."""
-    bars = check(scene)
-    return min(bars.longitudinal.peak_strain, bars.diagonal.peak_strain)
-
-
-def fracture_energy(scene: Scene) -> float:
-    """G_f of the scene, J/m2.
-
-    Raises:
-        SceneError: its bars cannot break.
-    """
-    energy = scene.material.fracture_energy
-    if not scene.material.damage or energy is None:
-        raise SceneError("material.damage = false: a crack needs bars that break")
-    return energy
-
-
-def characteristic_length(scene: Scene) -> float:
-    """l_ch = E G_f / sigma^2 with the strength sigma = E eps_p, m (Hillerborg et al. 1976)."""
-    return fracture_energy(scene) / (
-        scene.material.youngs_modulus * smallest_peak_strain(scene) ** 2
-    )
 
 
 def main(words: list[str]) -> int:
@@ -254,7 +223,11 @@ def main(words: list[str]) -> int:
             simulation = Simulation(scene)
         else:
             simulation.reset(scene)
-        found: dict[str, Any] = asdict(read(simulation, *run(simulation)))
+        try:
+            found: dict[str, Any] = asdict(read(simulation, run(simulation)))
+        except SimulationStopped as error:
+            print(f"stopped: {error}", file=sys.stderr)
+            return ExitCode.STOPPED
         with file.open("a", encoding="utf-8") as stream:
             stream.write(json.dumps({"name": path.stem, **found}) + "\n")
     return 0

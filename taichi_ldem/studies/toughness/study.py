@@ -12,10 +12,11 @@ import time
 from collections import defaultdict
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 from taichi_ldem.errors import SceneError
-from taichi_ldem.scene import Scene, load_scene, scene_to_toml
+from taichi_ldem.scene import Scene, scene_to_toml
 from taichi_ldem.studies.toughness.plan import Strip, strips
 from taichi_ldem.studies.toughness.report import report
 from taichi_ldem.studies.toughness.strip import Reading
@@ -25,7 +26,7 @@ QUICK = ((0.0, 45.0), (), 1)
 
 
 def run(
-    file: Path,
+    base: Scene,
     out: Path,
     *,
     angles: Sequence[float] = (),
@@ -37,10 +38,10 @@ def run(
     """Run what is missing and write ``toughness.md``, ``toughness.csv`` and figures.
 
     Args:
-        file: scene of a strip; its table [[notch]] is the crack's plane.
+        base: scene of a strip; its table [[notch]] is the crack's plane.
         angles, refinements, seeds: those of ``plan.strips``.
         quick: two angles, one strip each, the scene's modules.
-        workers: processes at a time, a thread each; 0: as many as there are cores.
+        workers: processes at a time, which share the cores; 0: as many as there are cores.
 
     Returns:
         the exit code: that of a strip that failed, if one did.
@@ -48,7 +49,6 @@ def run(
     Raises:
         SceneError: the scene is no strip, or the folder holds the strips of another one.
     """
-    base = load_scene(file)
     wanted = _wanted(base, angles, refinements, seeds, quick)
     _claim(out, base)
     groups: dict[str, list[Strip]] = defaultdict(list)
@@ -56,8 +56,11 @@ def run(
         groups[strip.group].append(strip)
     results = out / "strips.jsonl"
     started = time.monotonic()
-    with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
-        codes = list(pool.map(lambda group: _run(group, base, out, results), groups.values()))
+    cores = os.cpu_count() or 1
+    processes = max(1, min(workers or cores, len(groups)))
+    run_group = partial(_run, base=base, threads=max(1, cores // processes), results=results)
+    with ThreadPoolExecutor(processes) as pool:
+        codes = list(pool.map(run_group, groups.values()))
     found = {Strip.named(name): reading for name, reading in _read(results).items()}
     report(base, found, out)
     done = sum(strip in found for strip in wanted)
@@ -88,7 +91,7 @@ def _wanted(
     return strips(base, seeds=seeds, **given)
 
 
-def _run(group: list[Strip], base: Scene, out: Path, results: Path) -> int:
+def _run(group: list[Strip], base: Scene, threads: int, results: Path) -> int:
     """Run the strips of a group that have no result; the exit code."""
     done = _read(results)
     files = []
@@ -96,11 +99,11 @@ def _run(group: list[Strip], base: Scene, out: Path, results: Path) -> int:
         if strip.name in done:
             continue
         try:
-            scene = strip.scene(base)
+            scene = strip.scene(base, threads)
         except SceneError as error:
             print(f"left out: {error}", flush=True)
             continue
-        files.append(out / f"{strip.name}.toml")
+        files.append(results.with_name(f"{strip.name}.toml"))
         files[-1].write_text(scene_to_toml(scene), encoding="utf-8")
     if not files:
         return 0

@@ -194,7 +194,7 @@ def test_a_random_material_is_described(tmp_path: Path) -> None:
     assert expected.format("") in lead(dataclasses.replace(loaded, summary={"wall_s": 1.0}))
     with h5py.File(run.path / "checkpoint.h5", "w") as file:
         file["state/clock/drawn"] = [(1.0012, 0.2493)]
-    drawn = " (drawn: 24.9 %, mean 1.001 of the asked)"
+    drawn = " (drawn: 24.9 %, mean 1.001 times the given one)"
     assert expected.format(drawn) in lead(dataclasses.replace(loaded, summary={"wall_s": 1.0}))
 
 

@@ -42,8 +42,9 @@ def _reading(monkeypatch: pytest.MonkeyPatch, slope: float, speed: float) -> str
         when=rows[grown],
         along=along[grown],
         across=slope * along[grown],
+        energy_error=1e-3,
     )
-    return read(SimpleNamespace(scene=SCENE), record, 1e-3)  # type: ignore[arg-type]
+    return read(SimpleNamespace(scene=SCENE), record)  # type: ignore[arg-type]
 
 
 def test_a_straight_crack_is_read_as_it_was_made(monkeypatch: pytest.MonkeyPatch) -> None:
