@@ -38,6 +38,10 @@ COARSEST = 0.7
 """L / l_ch from which on bars cannot soften; up to there the costs are continued in a line."""
 
 
+AT_TIPS = (0.95, 1.36)
+"""Least and largest G_c / G_f with ``fracture = "crack"``, of all directions and module sizes."""
+
+
 @dataclass(frozen=True)
 class CrackCost:
     """What running cracks cost over G_f.
@@ -51,14 +55,31 @@ class CrackCost:
     diagonal: float
     resolved: float
 
+    def __str__(self) -> str:
+        """The cost in words."""
+        return (
+            f"{self.diagonal:.1f} to {self.axis:.1f} G_f (along a diagonal, along an axis of the "
+            f"lattice); within 10 % of G_f below L = {1e3 * self.resolved:.2g} mm"
+        )
+
+
+def words(scene: Scene) -> str | None:
+    """What a crack costs in a scene, in words; None where that has not been measured."""
+    if scene.material.damage and scene.material.fracture == "crack":
+        least, most = AT_TIPS
+        return f"{least:g} to {most:g} G_f, by its direction in the lattice"
+    cost = crack_cost(scene)
+    return None if cost is None else str(cost)
+
 
 def crack_cost(scene: Scene) -> CrackCost | None:
-    """What a crack costs in a scene; None where that has not been measured.
+    """What a crack costs in a scene of the paper's law; None where that has not been measured.
 
     It has for bilinear bars whose limit strain follows from G_f by Eq. (12), near nu = 1/4.
     """
     m = scene.material
     measured = m.damage and m.limit_strain is None and m.law == "bilinear"
+    measured &= m.fracture == "bar"
     if not measured or abs(m.poisson_ratio - MEASURED_RATIO) > NEAR:
         return None
     length = characteristic_length(m)

@@ -24,9 +24,27 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from taichi_ldem.errors import SceneError
 from taichi_ldem.model.lattice import BAR_VECTORS, BARS_PER_SITE, Lattice, bar_weights
-from taichi_ldem.scene import DISORDERED, LARGEST_CV, Disorder, Scene
+from taichi_ldem.scene import DISORDERED, Disorder, Scene
+from taichi_ldem.scene.weibull import (
+    SMALLEST_CV,
+    cv_from_shape,
+    shape_from_cv,
+    shape_from_data,
+    shape_of,
+)
+
+__all__ = [
+    "SMALLEST_CV",
+    "Drawn",
+    "GaussianField",
+    "cv_from_shape",
+    "draw",
+    "shape_from_cv",
+    "shape_from_data",
+    "shape_of",
+    "varies",
+]
 
 Array = npt.NDArray[np.float64]
 
@@ -42,77 +60,10 @@ BLOCK = 16
 FAR = 1 << 30
 """Added to the numbers of blocks, which a seed's key wants positive."""
 
-SMALLEST_CV = 1e-6
-"""Below it the shape is that of the limit: Gamma's differences would be rounding."""
-
-
-def _log_spread(shape: float) -> float:
-    """log(1 + CV^2) of a Weibull variate."""
-    return math.lgamma(1 + 2 / shape) - 2 * math.lgamma(1 + 1 / shape)
-
-
-def shape_from_cv(cv: float) -> float:
-    """Weibull shape gamma of a coefficient of variation, 0 < CV <= 1.5."""
-    limit = math.pi / (math.sqrt(6) * cv)  # log x is then Gumbel's, of that deviation
-    if cv < SMALLEST_CV:
-        return limit
-    from scipy.optimize import brentq
-
-    wanted = math.log1p(cv**2)
-    return float(brentq(lambda g: _log_spread(g) - wanted, 0.3 * limit, 2 * limit, rtol=1e-14))
-
-
-def cv_from_shape(shape: float) -> float:
-    """Coefficient of variation of a Weibull variate."""
-    return math.sqrt(math.expm1(_log_spread(shape)))
-
-
-def shape_from_data(values: Sequence[float]) -> float:
-    """Weibull shape of measured values by maximum likelihood (scale free, location 0).
-
-    The root of sum(x^g log x) / sum(x^g) - 1/g = mean(log x).
-    """
-    from scipy.optimize import brentq
-
-    logs = np.log(np.asarray(values, dtype=np.float64))
-    logs -= logs.max()  # scale-free, and no power overflows
-
-    def slope(shape: float) -> float:
-        powers = np.exp(shape * logs)
-        return float(powers @ logs / powers.sum() - 1 / shape - logs.mean())
-
-    guess = math.pi / (math.sqrt(6) * float(logs.std()))
-    low = high = guess
-    while slope(low) > 0:
-        low /= 2
-    while slope(high) < 0:
-        high *= 2
-    return float(brentq(slope, low, high, rtol=1e-14)) if low < high else guess
-
-
-def shape_of(disorder: Disorder | None, name: str) -> float | None:
-    """Weibull shape of a property ("fracture_energy"); None where it does not vary.
-
-    Raises:
-        SceneError: data that scatter more than any field here may.
-    """
-    if disorder is None:
-        return None
-    values, cv = getattr(disorder, f"{name}_data"), getattr(disorder, f"{name}_cv")
-    if values is None:
-        return shape_from_cv(cv) if cv else None
-    shape = shape_from_data(values)
-    if shape < shape_from_cv(LARGEST_CV):
-        raise SceneError(
-            f"disorder.{name}_data: a Weibull fit gives them a CV of {cv_from_shape(shape):.2f}, "
-            f"at most {LARGEST_CV} is possible"
-        )
-    return shape
-
 
 def varies(scene: Scene, name: str) -> bool:
     """Whether a scene needs a field of a property."""
-    if name == "fracture_energy" and not scene.material.damage:
+    if name in ("fracture_energy", "strength") and not scene.material.damage:
         return False
     return shape_of(scene.disorder, name) is not None
 
@@ -238,11 +189,13 @@ class Drawn:
     Attributes:
         fracture_energy, youngs_modulus: (nz + 3, ny + 3, nx + 3, 14), of every bar.
         density: (nz, ny, nx), of every module.
+        strength: (nz + 3, ny + 3, nx + 3, 14), of every bar's eps_p apart from G_f.
     """
 
     fracture_energy: Array | None = None
     youngs_modulus: Array | None = None
     density: Array | None = None
+    strength: Array | None = None
 
     def statistics(self, lattice: Lattice) -> dict[str, tuple[float, float]]:
         """Mean and CV of each field over the bars or modules that exist."""
@@ -256,13 +209,21 @@ class Drawn:
         return found
 
     @property
-    def strength(self) -> Array | None:
+    def peak_strain(self) -> Array | None:
         """(S, 14) eps_p over its mean: eps_p follows sqrt(G_f / E), which keeps R_f, K_r."""
+        if self.strength is not None:
+            return self.strength
         if self.fracture_energy is None and self.youngs_modulus is None:
             return None
         energy = 1.0 if self.fracture_energy is None else self.fracture_energy
         modulus = 1.0 if self.youngs_modulus is None else self.youngs_modulus
         return np.asarray(np.sqrt(energy / modulus))
+
+
+def _of_part_volumes(lattice: Lattice, shape: float) -> Array:
+    """(S, 14) strength of bars on a face or an edge, which stand for a part of a volume, over 1."""
+    weights = bar_weights(lattice.surface_weights)[lattice.code]
+    return np.asarray(np.where(weights > 0, weights, 1.0) ** (-1 / shape))
 
 
 def draw(scene: Scene, lattice: Lattice) -> Drawn:
@@ -281,4 +242,6 @@ def draw(scene: Scene, lattice: Lattice) -> Drawn:
             of_modules = name == "density"
             values = _factors(disorder, name, shape, modules if of_modules else bars)
             drawn[name] = values[0] if of_modules else np.moveaxis(values, 0, -1)
+            if name == "strength" and disorder.reference_volume is not None:
+                drawn[name] *= _of_part_volumes(lattice, shape)
     return Drawn(**drawn)

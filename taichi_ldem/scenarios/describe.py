@@ -9,11 +9,12 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
+from taichi_ldem.model import crack_cost
 from taichi_ldem.model import material as mat
-from taichi_ldem.model.crack_cost import crack_cost
 from taichi_ldem.model.disorder import cv_from_shape, shape_of
 from taichi_ldem.scenarios import leave_out
 from taichi_ldem.scene import Scene
+from taichi_ldem.scene.weibull import strength_by_volume
 from taichi_ldem.solver.contact import BODIES
 from taichi_ldem.solver.fields import Features
 from taichi_ldem.solver.memory import field_bytes
@@ -55,7 +56,7 @@ LEGEND_OF_DAMAGE = (
 def implied(scene: Scene) -> dict[str, str]:
     """Quantities that follow from the inputs without building anything: name -> value with unit."""
     plate, m = scene.plate, scene.material
-    bars = mat.bar_families(m, plate.spacing, plate.stiffness)
+    bars = mat.bar_families(m, plate.spacing, plate.stiffness, strength_by_volume(scene))
     nx, ny, nz = plate.modules
     x, y, z = (1e3 * side for side in plate.actual_size)
     rows = {
@@ -89,11 +90,8 @@ def _fracture(scene: Scene, bars: mat.Bars, fracture_energy: float) -> dict[str,
         "characteristic length 1/R_f^2": f"{1e3 * length:.3f} mm",
         "fracture energy G_f": f"{fracture_energy:.0f} J/m2",
     }
-    if (cost := crack_cost(scene)) is not None:
-        rows["a crack costs"] = (
-            f"{cost.diagonal:.1f} to {cost.axis:.1f} G_f (along a diagonal, along an axis of the "
-            f"lattice); within 10 % of G_f below L = {1e3 * cost.resolved:.2g} mm"
-        )
+    if (cost := crack_cost.words(scene)) is not None:
+        rows["a crack costs"] = cost
     if m.limit_strain is not None:
         excess = [f.energy_to_break / (fracture_energy * f.fracture_area) - 1 for f in families]
         rows["a broken bar dissipates"] = (
@@ -210,15 +208,25 @@ def _disorder(scene: Scene, drawn: dict[str, tuple[float, float]]) -> dict[str, 
     """Mean and CV of the fields that were drawn, and those that the scene asks for."""
     rows = {}
     units = {"fracture_energy": (1.0, "J/m2"), "youngs_modulus": (1e-9, "GPa")}
+    m = scene.material
     for name, (mean, cv) in drawn.items():
         shape = shape_of(scene.disorder, name)
         assert shape is not None
-        scale, unit = units.get(name, (1.0, "kg/m3"))
+        if name == "strength":
+            given, unit = 1e-6 * m.youngs_modulus * _mean_peak_strain(scene), "MPa"
+        else:
+            scale, unit = units.get(name, (1.0, "kg/m3"))
+            given = scale * getattr(m, name)
         rows[f"drawn {name}"] = (
-            f"mean {scale * mean * getattr(scene.material, name):.5g} {unit}, CV {100 * cv:.2f} % "
+            f"mean {mean * given:.5g} {unit}, CV {100 * cv:.2f} % "
             f"(Weibull shape {shape:.4g}: {100 * cv_from_shape(shape):.2f} %)"
         )
     return rows
+
+
+def _mean_peak_strain(scene: Scene) -> float:
+    """Mean eps_p of the bars."""
+    return mat.failure_strain(scene.material) * strength_by_volume(scene)
 
 
 def _against_everything(scene: Scene, simulation: "Simulation", measured: bool) -> Table:

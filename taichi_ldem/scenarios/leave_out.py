@@ -69,7 +69,7 @@ def everything(scene: Scene) -> Scene:
     return parse_scene(tables)
 
 
-KERNELS_OF_EVERYTHING = 7
+KERNELS_OF_EVERYTHING = 8
 """Number of ``kernels`` that a scene of ``everything`` compiles."""
 
 
@@ -79,6 +79,8 @@ def kernels(simulation: "Simulation") -> list[str]:
     found += [kernel for body in simulation.bodies for kernel in body.kernel_names()]
     if simulation.dynamics.features.damage:
         found.append("broken bars")
+    if simulation.dynamics.features.crack and simulation.dynamics.in_strips:
+        found.append("crack tips")
     return found
 
 

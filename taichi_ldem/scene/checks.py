@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from taichi_ldem.errors import SceneError
 from taichi_ldem.scene.equations import Bars, bar_families
 from taichi_ldem.scene.values import refuse
+from taichi_ldem.scene.weibull import strength_by_volume
 
 if TYPE_CHECKING:
     from taichi_ldem.scene.scene import Scene
@@ -198,7 +199,7 @@ def refuse_coarse(scene: Scene, name: str = "") -> Bars:
     """
     plate, limit = scene.plate, scene.material.limit_strain
     where = f"{name}: " if name else ""
-    bars = bar_families(scene.material, plate.spacing, plate.stiffness)
+    bars = bar_families(scene.material, plate.spacing, plate.stiffness, strength_by_volume(scene))
     if not scene.material.damage:
         return bars
     for kind, family in (("longitudinal", bars.longitudinal), ("diagonal", bars.diagonal)):

@@ -88,6 +88,7 @@ class BarFamily:
         peak_strain: eps_p, where damage starts (0 without damage).
         limit_strain: eps_r, where the bilinear law ends (0 without damage).
         critical_length: L_cr, Eq. (13), m (0 without damage).
+        toughness: G_f A^f over EA L0, what a bar's part of a crack costs (0 without damage).
     """
 
     length: float
@@ -96,6 +97,7 @@ class BarFamily:
     peak_strain: float = 0.0
     limit_strain: float = 0.0
     critical_length: float = 0.0
+    toughness: float = 0.0
 
     @property
     def ductility(self) -> float:
@@ -139,10 +141,18 @@ def characteristic_length(material: Material) -> float:
     return material.fracture_energy / (material.youngs_modulus * strain**2)
 
 
-def bar_families(material: Material, spacing: float, stiffness_variant: str = "equation-2") -> Bars:
+def bar_families(
+    material: Material,
+    spacing: float,
+    stiffness_variant: str = "equation-2",
+    strengthening: float = 1.0,
+) -> Bars:
     """Both bar families of a lattice of module edge ``spacing`` (m), without judging K_r.
 
     With damage: K_r from Eq. (12), or from the scene's limit strain.
+
+    Args:
+        strengthening: mean eps_p of bars over the scene's.
     """
     nu = material.poisson_ratio
     stiffness = axial_stiffness(material.youngs_modulus, nu, spacing, stiffness_variant)
@@ -150,7 +160,7 @@ def bar_families(material: Material, spacing: float, stiffness_variant: str = "e
     if not material.damage:
         return Bars(*(BarFamily(ln, ea) for ln, ea in zip(lengths, stiffness, strict=True)))
     assert material.fracture_energy is not None  # the scene refuses damage without it
-    eps_p = failure_strain(material)
+    eps_p = strengthening * failure_strain(material)
     families = []
     for length, ea, share in zip(
         lengths, stiffness, fracture_areas(nu, material.fracture_areas), strict=True
@@ -158,8 +168,9 @@ def bar_families(material: Material, spacing: float, stiffness_variant: str = "e
         area = share * spacing**2
         # Eq. (13), with A_i = EA_i / E; it grows with L^2 / L^2, so it does not depend on L
         critical = 2 * material.fracture_energy * area / (ea * eps_p**2)
-        limit = material.limit_strain
-        families.append(
-            BarFamily(length, ea, area, eps_p, limit or eps_p * critical / length, critical)
-        )
+        limit = material.limit_strain or eps_p * critical / length
+        if material.fracture == "crack":  # a bar that cannot soften is brittle
+            limit = max(limit, eps_p)
+        toughness = material.fracture_energy * area / (ea * length)
+        families.append(BarFamily(length, ea, area, eps_p, limit, critical, toughness))
     return Bars(*families)

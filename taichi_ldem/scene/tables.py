@@ -31,7 +31,7 @@ LARGEST_CV = 1.5
 LARGEST_PERTURBATION = 0.25  # two nodes that come closer by half an edge leave 0.42 of a diagonal
 FEWEST_DATA = 3  # values that a distribution can be fitted to
 LARGEST_SIDE = 10.0  # m; more is taken for millimetres
-DISORDERED = ("fracture_energy", "youngs_modulus", "density")
+DISORDERED = ("fracture_energy", "youngs_modulus", "density", "strength")
 """Properties that may vary, in the order of their random streams: never reorder."""
 
 
@@ -229,6 +229,11 @@ class Material(Table):
         description="softening law of a bar; a law that a program registers also counts",
     )
     damage: Flag = Field(default=True, description="whether bars soften and fail")
+    fracture: Literal["bar", "crack"] = Field(
+        default="bar",
+        description="when a bar fails: when its own strain says so, or also at the tip of a crack"
+        " when its failure would release G_f per area",
+    )
     after_failure: Literal["gone", "closing"] = Field(
         default="gone",
         description="what a failed bar carries: nothing, or compression where its ends are closer"
@@ -288,6 +293,10 @@ class Disorder(Table):
     density_cv: Cv | None = Field(
         default=None, description="coefficient of variation of each module's density"
     )
+    strength_cv: Cv | None = Field(
+        default=None,
+        description="coefficient of variation of each bar's eps_p, with G_f the same everywhere",
+    )
     fracture_energy_data: tuple[Positive, ...] | None = Field(
         default=None,
         description="measured values of G_f in any one unit, instead of fracture_energy_cv",
@@ -299,6 +308,15 @@ class Disorder(Table):
     density_data: tuple[Positive, ...] | None = Field(
         default=None,
         description="measured values of the density in any one unit, instead of density_cv",
+    )
+    strength_data: tuple[Positive, ...] | None = Field(
+        default=None,
+        description="measured strengths in any one unit, instead of strength_cv",
+    )
+    reference_volume: Positive | None = Field(
+        default=None,
+        description="volume under tension of the specimens that have the mean strength E eps_p and"
+        " its scatter, m3; each bar is stronger, by its own volume (weakest link)",
     )
     correlation_length: NonNegative = Field(
         default=0.0,
@@ -326,7 +344,25 @@ class Disorder(Table):
             raise ValueError(
                 f"table '[disorder]' names no property that varies; give one of {keys}"
             )
+        self._check_strength()
         return self
+
+    def _check_strength(self) -> None:
+        """Refuse what does not go together with strengths of their own."""
+        strength = bool(self.strength_cv) or self.strength_data is not None
+        for name in ("fracture_energy", "youngs_modulus"):
+            for key in (f"{name}_cv", f"{name}_data"):
+                if strength and getattr(self, key):
+                    why = "cannot vary together with disorder.strength; give one of the two"
+                    raise refuse(f"disorder.{key}", getattr(self, key), why)
+        if self.reference_volume is None:
+            return
+        if not strength:
+            why = "needs disorder.strength_cv > 0 or disorder.strength_data"
+            raise refuse("disorder.reference_volume", self.reference_volume, why)
+        if self.correlation_length > 0:
+            why = "must be 0 with disorder.reference_volume: bars are taken to be independent"
+            raise refuse("disorder.correlation_length", self.correlation_length, why)
 
 
 class Pulse(Table):

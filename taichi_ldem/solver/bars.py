@@ -179,6 +179,14 @@ class BarForces:
         return self.state.softening[ti.static(FAMILY[bar])][0]
 
     @ti.func
+    def has_failed(self, bar: ti.template(), peak):
+        """Whether a bar with a peak strain over eps_p has failed; less than 0: at a crack's tip."""
+        failed = peak >= self.failure(bar)
+        if ti.static(self.state.features.crack):
+            failed |= peak < 0
+        return failed
+
+    @ti.func
     def integrity(self, bar: ti.template(), strain, peak):
         """Share of its stiffness that a bar has at a strain, given its peak strain over eps_p.
 
@@ -187,7 +195,7 @@ class BarForces:
         family = ti.static(FAMILY[bar])
         failure, parameter = self.state.softening[family][0], self.state.softening[family][1]
         share = 1.0
-        if peak >= failure:
+        if self.has_failed(bar, peak):
             share = 0.0
             if ti.static(self.state.features.closing):
                 if strain < 0:
@@ -209,6 +217,9 @@ class BarForces:
         elif peak > 1:
             force = self.state.law.softening(peak, failure, parameter)
             energy = 0.5 + self.state.law.area(peak, failure, parameter) - 0.5 * force * peak
+        if ti.static(self.state.features.crack):
+            if peak < 0:
+                energy = -peak
         return energy
 
     @ti.func
@@ -241,7 +252,10 @@ class BarForces:
         if ti.static(self.state.features.damage):
             own = self.peak_strain(bar, at, lane, step.peak_strain)
             most = CLOSE / (1 + 1 / own) * self.stiffness(bar, at, lane)
-            found |= force > most or self.state.peak[bar][at.k, at.j, at.m][lane] > 1
+            peak = self.state.peak[bar][at.k, at.j, at.m][lane]
+            found |= force > most or peak > 1
+            if ti.static(self.state.features.crack):
+                found |= peak < 0
         if ti.static(self.state.features.notch):
             found |= self.is_removed(bar, at, lane)
         return found
@@ -260,10 +274,10 @@ class BarForces:
             if share > 0:
                 peak = self.state.peak[bar][k, j, m][lane]
                 own = self.peak_strain(bar, at, lane, step.peak_strain)
-                if strain > peak * own:
+                if strain > peak * own and peak >= 0:
                     peak = strain / own
                     self.state.peak[bar][k, j, m][lane] = peak
-                if peak > 1:
+                if peak > 1 or peak < 0:
                     # no atomic: a thread that evaluates the same column writes the same
                     bits = int(self.state.touched[k, j, m]) | 1 << lane
                     self.state.touched[k, j, m] = ti.cast(bits, ti.u8)

@@ -65,8 +65,8 @@ def _fill(dynamics: Dynamics, scene: Scene, drawn: disorder.Drawn) -> Drawn:
     """Give bars and nodes the factors that were drawn for each of them, and cut the notches."""
     features, density = dynamics.features, scene.material.density
     if features.strength:
-        assert drawn.strength is not None
-        dynamics.set_strength(drawn.strength)
+        assert drawn.peak_strain is not None
+        dynamics.set_strength(drawn.peak_strain)
     if features.modulus:
         assert drawn.youngs_modulus is not None
         dynamics.set_modulus(drawn.youngs_modulus)

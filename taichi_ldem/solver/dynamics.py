@@ -19,6 +19,7 @@ from taichi_ldem.solver.fields import Features
 from taichi_ldem.solver.nodes import NodeAccess, NodeUpdate
 from taichi_ldem.solver.state import State, field_apart, field_bytes, numpy_float
 from taichi_ldem.solver.step import Step
+from taichi_ldem.solver.tips import CrackTips
 
 __all__ = ["CENTRE", "CORNER", "Dynamics", "Features", "field_apart", "field_bytes", "numpy_float"]
 
@@ -56,7 +57,8 @@ class Dynamics(State):
         self.bars = BarForces(self)
         self.nodes = NodeUpdate(self)
         self.access = NodeAccess(self)
-        self.driver = Step(self, self.bars, self.nodes)
+        self.tips = CrackTips(self, self.bars, self.access)
+        self.driver = Step(self, self.bars, self.nodes, self.tips)
         self.exchange = Exchange(self, self.bars, self.access, self.driver)
         self._open_to_others()
 

@@ -120,11 +120,11 @@ class EnergySums:
         result = ti.Vector([0.5 * twice * strain * strain, 0.0, 0.0], ti.f64)
         if ti.static(self.state.features.damage):
             peak = self.state.peak[bar][at.k, at.j, at.m][lane]
-            if peak > 1:
+            if peak > 1 or peak < 0:
                 result[0] *= self.bars.integrity(bar, strain, peak)
                 own = self.bars.peak_strain(bar, at, lane, step.peak_strain)
                 result[1] = twice * own**2 * self.bars.dissipated(bar, peak)
-                if whole > 0 and peak >= self.bars.failure(bar):
+                if whole > 0 and self.bars.has_failed(bar, peak):
                     result[2] = 1.0
         return result
 

@@ -105,7 +105,7 @@ class Exchange:
         whole = self.state.stiffness[int(self.state.code[k, j, m][lane])]
         for bar in ti.static(range(BARS_PER_SITE)):
             broken = whole[ti.static(STIFFNESS_KIND[bar])] > 0
-            broken &= self.state.peak[bar][k, j, m][lane] >= self.bars.failure(bar)
+            broken &= self.bars.has_failed(bar, self.state.peak[bar][k, j, m][lane])
             if broken and (recorded >> bar) & 1 == 0:
                 place = ti.atomic_add(count[0], 1)
                 if place < found.shape[0]:

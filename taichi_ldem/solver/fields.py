@@ -58,8 +58,10 @@ class Features:
         law: name of the softening law, or None for an elastic lattice.
         damping: whether there is mass-proportional damping.
         closing: whether failed bars still carry compression.
+        crack: whether bars also fail at the tip of a crack by the energy that is released.
         notch: whether bars are removed from the start.
         strength: whether every bar has an eps_p of its own.
+        flaws: whether the strength of a bar is apart from its toughness.
         modulus: whether every bar has a Young's modulus of its own.
         perturbed: whether nodes lie off the regular lattice, so that every bar has a vector of its
             own.
@@ -88,6 +90,12 @@ class Features:
         lambda scene: scene.material.damage and scene.material.after_failure == "closing",
         lambda _: {"material": {"after_failure": "closing"}},
     )
+    crack: bool = _feature(
+        "release of energy at crack tips",
+        'material.fracture = "bar"',
+        lambda scene: scene.material.damage and scene.material.fracture == "crack",
+        lambda _: {"material": {"fracture": "crack"}},
+    )
     notch: bool = _feature(
         "removed bars", "no [[notch]]", lambda scene: bool(scene.notch), _corner_notch
     )
@@ -96,6 +104,12 @@ class Features:
         "no disorder of fracture_energy or youngs_modulus, or no damage",
         lambda scene: scene.material.damage and bool(_varying(scene) - {"density"}),
         lambda _: {"disorder": {"fracture_energy_cv": 0.1, "seed": 1}},
+    )
+    flaws: bool = _feature(
+        "strength apart from toughness",
+        "no disorder.strength_cv",
+        lambda scene: "strength" in _varying(scene),
+        lambda _: {},  # takes the place of a variable G_f, which needs the same fields and more
     )
     modulus: bool = _feature(
         "modulus of every bar",
@@ -222,7 +236,7 @@ MEMBERS: dict[str, tuple[int, ...]] = {
 }
 """Fields of a name: a single one, or one for each bar, sublattice, or axis of each sublattice."""
 
-BYTES = {"u8": 1, "u16": 2, "f64": 8}
+BYTES = {"u8": 1, "u16": 2, "i32": 4, "f64": 8}
 
 
 @dataclass(frozen=True)
@@ -255,7 +269,7 @@ class Row:
     @property
     def of_sites(self) -> bool:
         """Whether it has a value for every column of the lattice."""
-        return self.shape in (_columns, _buffers)
+        return self.shape in (_columns, _sites, _buffers)
 
     def bytes(self, layout: Layout) -> int:
         """Bytes of all its fields."""
@@ -266,6 +280,10 @@ class Row:
 
 def _columns(layout: Layout) -> tuple[int, ...]:
     return layout.shape
+
+
+def _sites(layout: Layout) -> tuple[int, ...]:
+    return layout.sites
 
 
 def _buffers(layout: Layout) -> tuple[int, ...]:
@@ -332,6 +350,16 @@ FIELDS = (
         present=_damage, evolves=True),
     Row("recorded", "a bit for each bar that was reported broken", "", _columns, kind="u16",
         present=_damage, evolves=True),
+    Row("opening", "largest elongation of the failed bars at a node, at the last step", "m", _sites,
+        "node", numbers=0, present=_named("crack")),
+    Row("failed", "number of failed bars at a node, at the last step", "", _sites, "node",
+        kind="i32", numbers=0, present=_named("crack")),
+    Row("known", "a bit for each bar that had failed or was removed before this step", "",
+        _columns, kind="u16", present=_named("crack")),
+    Row("near", "1 where a bar of the column shares a node with a failed one", "", _columns,
+        kind="u8", numbers=0, present=_named("crack")),
+    Row("toughness", "G_f A^f over EA L0 by bar family", "", _families, numbers=0,
+        present=_named("crack")),
     Row("softening", "parameters of the law by bar family", "", _families, numbers=2,
         present=_damage),
     Row("removed", "a bit for each bar that a notch removes", "", _columns, kind="u16",

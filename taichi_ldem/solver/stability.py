@@ -193,7 +193,7 @@ def largest_strains(
         failure = dynamics.softening.to_numpy()[:, 0]
         for bar, field in enumerate(dynamics.peak):
             peak = dynamics.lanes.gather(field.to_numpy())
-            carries[..., bar] &= peak < failure[FAMILY[bar]]
+            carries[..., bar] &= (peak >= 0) & (peak < failure[FAMILY[bar]])
     extremes = [0.0]
     for bar, ends in enumerate(ENDS):
         if carries[..., bar].any():

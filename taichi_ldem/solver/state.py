@@ -21,6 +21,9 @@ from taichi_ldem.solver.laws import law_named
 EVOLVING = tuple(row.name for row in FIELDS if row.evolves and row.name != "displacement")
 """Fields that a checkpoint holds completely; of the displacement it holds one buffer."""
 
+OF_TIPS = ("opening", "failed", "known", "near")
+"""Fields of crack tips, which each step works out again from the peak strains."""
+
 
 def field_apart(kind: Any, shape: tuple[int, ...] | int, numbers: int = 0) -> ti.Field:
     """A field whose numbers are not of Taichi's default width.
@@ -109,6 +112,11 @@ class State:
     touched: ti.ScalarField
     peak: list[ti.MatrixField]
     recorded: ti.MatrixField
+    opening: list[ti.ScalarField]
+    failed: list[ti.ScalarField]
+    known: ti.MatrixField
+    near: ti.ScalarField
+    toughness: ti.ScalarField
     softening: ti.MatrixField
     removed: ti.MatrixField
     damped: list[ti.MatrixField]
@@ -186,6 +194,9 @@ class State:
         if self.law is not None:
             table = [self.law.parameters(f.ductility) for f in (bars.longitudinal, bars.diagonal)]
             self.softening.from_numpy(np.array(table, dtype=numpy_float()))
+        if self.features.crack:
+            costs = [bars.longitudinal.toughness, bars.diagonal.toughness]
+            self.toughness.from_numpy(np.array(costs, dtype=numpy_float()))
 
     def set_density(self, density: float) -> None:
         """Fill the tables of node masses per site byte, kg, from a density in kg/m3."""
@@ -250,12 +261,14 @@ class State:
 
     def _touch(self, peak: npt.NDArray) -> None:
         """Mark the lanes with a bar beyond its eps_p, from (14, *S, width) peak strains over it."""
-        self.touched.from_numpy(_lane_bits(np.any(peak > 1, axis=0)) | self.touched.to_numpy())
+        self.touched.from_numpy(
+            _lane_bits(np.any((peak > 1) | (peak < 0), axis=0)) | self.touched.to_numpy()
+        )
 
     def clear_history(self) -> None:
         """Put the lattice at rest with whole bars, as before the first step; notches stay cut."""
         fields = self.fields()
-        for name in ("displacement", *EVOLVING, "touched"):
+        for name in ("displacement", *EVOLVING, "touched", *OF_TIPS):
             for field in fields.get(name, []):
                 field.fill(0)
         if self.features.notch:
@@ -287,6 +300,9 @@ class State:
         for name, values in {**saved, **both}.items():
             for field, part in zip(fields[name], values, strict=True):
                 field.from_numpy(self.lanes.spread(part))
+        for name in OF_TIPS:
+            for field in fields.get(name, []):
+                field.fill(0)
         if self.features.damage:
             self._touch(self.lanes.spread(saved["peak"]))
 

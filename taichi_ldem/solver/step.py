@@ -14,6 +14,7 @@ from taichi_ldem.solver.fields import RING
 from taichi_ldem.solver.lanes import HALO
 from taichi_ldem.solver.nodes import NodeUpdate
 from taichi_ldem.solver.state import State
+from taichi_ldem.solver.tips import CrackTips
 
 TURNS = 512
 """Least number of iterations of a parallel loop that Taichi gives to a CPU thread."""
@@ -30,8 +31,8 @@ damping coefficient, 1/s; eps_p of the bar families. Kernels round them to Taich
 class Step:
     """The two passes, driven as the layout of the lattice asks for."""
 
-    def __init__(self, state: State, bars: BarForces, nodes: NodeUpdate):
-        self.state, self.bars, self.nodes = state, bars, nodes
+    def __init__(self, state: State, bars: BarForces, nodes: NodeUpdate, tips: CrackTips):
+        self.state, self.bars, self.nodes, self.tips = state, bars, nodes, tips
         self._numbers: dict[tuple[float, ...], ti.Struct] = {}
 
     def numbers(self, kick: float, drift: float, damping: float) -> ti.Struct:
@@ -113,6 +114,10 @@ class Step:
                 step = self.rounded(now, numbers)
                 self.strip_step(turn // TURNS, step, measure)
 
+    @ti.kernel
+    def _tips(self, now: int, numbers: StepNumbers):
+        self.tips.update(now, numbers, self.rounded)
+
     # -- in passes ---------------------------------------------------------------------------------
 
     @ti.func
@@ -123,6 +128,8 @@ class Step:
     @ti.func
     def whole_passes(self, now, numbers, measure: ti.template()):
         """A step in two launches; with ``measure`` a thread sums up a piece of a row."""
+        if ti.static(self.state.features.crack):
+            self.tips.update(now, numbers, self.rounded)
         nz, ny, _ = ti.static(self.state.sites)
         pieces, piece_length = ti.static(self.state.layout.pieces, self.state.layout.piece)
         begin, end = ti.static(HALO, HALO + self.state.lanes.length)
@@ -162,6 +169,8 @@ class Step:
             measure: whether kinetic energy and losses by damping at t_n are summed up
                 (``node_sums``).
         """
+        if self.state.in_strips and self.state.features.crack:
+            self._tips(now, self.numbers(kick, drift, damping))
         launch = self._in_strips if self.state.in_strips else self._in_passes
         launch(now, self.numbers(kick, drift, damping), measure)
 

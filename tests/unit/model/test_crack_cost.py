@@ -3,7 +3,7 @@
 import pytest
 from support.paths import CONFIGS
 
-from taichi_ldem.model.crack_cost import crack_cost
+from taichi_ldem.model.crack_cost import crack_cost, words
 from taichi_ldem.scene import Scene, load_scene, parse_scene
 
 
@@ -35,6 +35,13 @@ def _with(**material) -> Scene:
     data = load_scene(CONFIGS / "impact.toml").model_dump(by_alias=True, exclude_none=True)
     data["material"] |= material
     return parse_scene(data)
+
+
+def test_cracks_that_grow_by_their_energy_cost_about_g_f() -> None:
+    said = words(_with(fracture="crack"))
+    assert said == "0.95 to 1.36 G_f, by its direction in the lattice"
+    assert crack_cost(_with(fracture="crack")) is None
+    assert words(_with()).startswith("2.8 to 3.2 G_f")
 
 
 def test_nothing_is_said_of_what_was_not_measured() -> None:

@@ -17,13 +17,14 @@ from taichi_ldem.errors import SceneError
 from taichi_ldem.model import disorder as dis
 from taichi_ldem.model import material as mat
 from taichi_ldem.model.lattice import Lattice, bar_weights, prism
-from taichi_ldem.scene import DISORDERED, Material
+from taichi_ldem.scene import Material
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.dynamics import Dynamics
     from taichi_ldem.solver.simulation import Simulation
 
-ALL = {f"{name}_cv": 0.3 for name in DISORDERED}
+PAPER = ("fracture_energy", "youngs_modulus", "density")
+ALL = {f"{name}_cv": 0.3 for name in PAPER}
 
 
 # --- the distribution -----------------------------------------------------------------------------
@@ -63,6 +64,63 @@ def test_data_take_the_place_of_a_cv() -> None:
         dis.draw(wild, Lattice(prism(4, 3, 2), SPACING))
 
 
+# --- strength by volume ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("modules", [3, 6])
+def test_specimens_have_the_measured_strength_whatever_the_module(modules: int) -> None:
+    """The weakest bar along x of a prism of 4 x 1 x 1 mm, for 8 mm3 that were tested at CV 15 %.
+
+    Weakest link (Weibull 1939): the mean is (8 / 4)^(1 / gamma) times that of the tested volume.
+    """
+    count, spacing = 400, 1e-3 / modules
+    shape = dis.shape_from_cv(0.15)
+    weakest = []
+    for seed in range(count):
+        scene = block_scene(
+            4 * modules,
+            modules,
+            modules,
+            spacing=spacing,
+            material=DAMAGE | {"fracture": "crack"},
+            disorder={"strength_cv": 0.15, "reference_volume": 8e-9, "seed": seed},
+        )
+        lattice = Lattice(prism(4 * modules, modules, modules), spacing)
+        strength = dis.draw(scene, lattice).peak_strain
+        assert strength is not None
+        exists = bar_weights(False)[lattice.code] > 0
+        along = [0, 3]
+        eps_p = mat.check(scene).longitudinal.peak_strain
+        weakest.append(eps_p * strength[..., along][exists[..., along]].min())
+    expected = 0.0175 * 2 ** (1 / shape)
+    # bars between centres do not reach the last half modules: 3 % of the volume at most
+    assert np.mean(weakest) == pytest.approx(expected, abs=3 * 0.15 * expected / math.sqrt(count))
+    assert np.std(weakest) / np.mean(weakest) == pytest.approx(0.15, abs=3 * 0.15 / math.sqrt(800))
+
+
+def test_strength_varies_with_g_f_the_same_everywhere() -> None:
+    scene = block_scene(4, 3, 2, material=DAMAGE, disorder={"strength_cv": 0.1})
+    drawn = dis.draw(scene, Lattice(prism(4, 3, 2), SPACING))
+    assert drawn.fracture_energy is None
+    assert drawn.peak_strain is drawn.strength
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ({"strength_cv": 0.1, "fracture_energy_cv": 0.1}, "cannot vary together"),
+        ({"density_cv": 0.1, "reference_volume": 1e-8}, "needs disorder.strength_cv > 0"),
+        (
+            {"strength_cv": 0.1, "reference_volume": 1e-8, "correlation_length": 1e-3},
+            "must be 0 with disorder.reference_volume",
+        ),
+    ],
+)
+def test_strengths_that_mean_nothing_are_refused(keys: dict[str, float], said: str) -> None:
+    with pytest.raises(SceneError, match=said):
+        block_scene(4, 3, 2, material=DAMAGE, disorder=keys)
+
+
 # --- fields ---------------------------------------------------------------------------------------
 
 
@@ -75,11 +133,11 @@ def _fields(lattice: Lattice, **keys: float) -> dis.Drawn:
 @pytest.mark.parametrize("cv", [0.1, 0.5, 1.5])
 def test_drawn_factors_are_weibull(cv: float) -> None:
     lattice = Lattice(prism(12, 12, 6), SPACING)
-    drawn = _fields(lattice, **{f"{name}_cv": cv for name in DISORDERED}, seed=7)
+    drawn = _fields(lattice, **{f"{name}_cv": cv for name in PAPER}, seed=7)
     shape = dis.shape_from_cv(cv)
     expected = weibull_min(shape, scale=1 / math.gamma(1 + 1 / shape))
     exists = bar_weights(False)[lattice.code] > 0
-    for name in DISORDERED:
+    for name in PAPER:
         values = getattr(drawn, name)
         there = values.ravel() if name == "density" else values[exists]
         assert kstest(there, expected.cdf).pvalue > 0.01
@@ -196,9 +254,9 @@ class Uneven:
         for name in ("peak", "touched", "recorded", "displacement", "velocity"):
             for field in self.dynamics.fields()[name]:
                 field.fill(0)
-        assert self.drawn.strength is not None
+        assert self.drawn.peak_strain is not None
         assert self.drawn.youngs_modulus is not None
-        self.dynamics.set_strength(self.drawn.strength)
+        self.dynamics.set_strength(self.drawn.peak_strain)
         self.dynamics.set_modulus(self.drawn.youngs_modulus)
         return self
 

@@ -19,6 +19,7 @@ def test_everything_leaves_out_only_what_a_plate_cannot_have(file: Path) -> None
     full = everything(scene)
     assert full.plate.modules == scene.plate.modules
     assert [line.split(" (")[0] for line in left_out(full)] == [
+        "strength apart from toughness",  # with a G_f that varies, it cannot be
         "grips and gauge",
         "support contact",
     ]
@@ -36,12 +37,14 @@ def test_kernels_are_those_of_the_features() -> None:
     def body(*names: str) -> SimpleNamespace:
         return SimpleNamespace(kernel_names=lambda: list(names))
 
-    def of(damage: bool, *bodies: SimpleNamespace) -> list[str]:
-        dynamics = SimpleNamespace(features=SimpleNamespace(damage=damage))
+    def of(damage: bool, *bodies: SimpleNamespace, crack: bool = False) -> list[str]:
+        features = SimpleNamespace(damage=damage, crack=crack)
+        dynamics = SimpleNamespace(features=features, in_strips=True)
         return kernels(SimpleNamespace(dynamics=dynamics, bodies=bodies))  # type: ignore[arg-type]
 
     assert of(False) == ["step", "energies"]
     assert of(True) == ["step", "energies", "broken bars"]
+    assert of(True, crack=True) == ["step", "energies", "broken bars", "crack tips"]
     assert of(False, body("contact: a", "nodes near: a"), body("b"))[2:] == [
         "contact: a",
         "nodes near: a",

@@ -24,7 +24,7 @@ NOTCH = [{"normal": "x", "position": 2.5e-4, "from": [-1, -1], "to": [1, 1]}]
         {"notch": NOTCH},
         {
             "material": DAMAGE,
-            "disorder": {f"{n}_cv": 0.1 for n in DISORDERED},
+            "disorder": {f"{n}_cv": 0.1 for n in DISORDERED if n != "strength"},
             "plate": {"perturbation": 0.1},
         },
     ],

@@ -228,10 +228,12 @@ sys.path.insert(0, "tests")
 from support.blocks import DAMAGE, block_scene
 from taichi_ldem.solver import backend
 
-precision, threads, after_failure, out = sys.argv[1], int(sys.argv[2]), *sys.argv[3:]
+precision, threads, variant, out = sys.argv[1], int(sys.argv[2]), *sys.argv[3:]
+variants = {"gone": {}, "closing": {"after_failure": "closing"}}
+variants["crack"] = variants["closing"] | {"fracture": "crack"}
 scene = block_scene(
     16, 16, 3,
-    material=DAMAGE | {"after_failure": after_failure},
+    material=DAMAGE | variants[variant],
     striker={"diameter": 2e-3, "mass": 1e-3, "velocity": 6.0, "gravity": 9.81},
     clamp={"kind": "rings", "inner_diameter": 5.2e-3, "outer_diameter": 7.6e-3},
     solver={"duration": 1.5e-4, "precision": precision, "threads": threads},
@@ -261,7 +263,7 @@ class Runs:
         self.done: dict[str, dict[str, np.ndarray]] = {}
 
     def __getitem__(self, name: str) -> dict[str, np.ndarray]:
-        """The arrays of a run, by a name as "f64-2-gone": precision, threads, after_failure."""
+        """The arrays of a run, by a name as "f64-2-gone": precision, threads, variant."""
         if name not in self.done:
             path = self.folder / f"{name}.npz"
             command = [sys.executable, "-c", RUN, *name.split("-"), str(path)]
@@ -289,8 +291,9 @@ def test_the_number_of_threads_changes_no_bit(runs: Runs, precision: str) -> Non
 
 
 @pytest.mark.slow
-def test_cracks_that_close_keep_bits_and_energy(runs: Runs) -> None:
-    one, two, gone = runs["f64-1-closing"], runs["f64-2-closing"], runs["f64-2-gone"]
+@pytest.mark.parametrize("variant", ["closing", "crack"])
+def test_variants_of_fracture_keep_bits_and_energy(runs: Runs, variant: str) -> None:
+    one, two, gone = runs[f"f64-1-{variant}"], runs[f"f64-2-{variant}"], runs["f64-2-gone"]
     for name in one:
         np.testing.assert_array_equal(one[name], two[name])
     rows = two["rows"]

@@ -10,8 +10,17 @@ from taichi_ldem.model.lattice import Lattice, prism
 from taichi_ldem.scene import Material
 
 
-@pytest.mark.parametrize("law", [pytest.param(None, marks=pytest.mark.slow), "bilinear"])
-def test_whole_passes_and_strips_are_the_same_step(taichi: None, law: str | None) -> None:
+@pytest.mark.parametrize(
+    ("law", "crack"),
+    [
+        pytest.param(None, False, marks=pytest.mark.slow),
+        ("bilinear", False),
+        pytest.param("bilinear", True, marks=pytest.mark.slow),
+    ],
+)
+def test_whole_passes_and_strips_are_the_same_step(
+    taichi: None, law: str | None, crack: bool
+) -> None:
     """A GPU takes the passes one after the other, a site to a lane: the same to the last bit."""
     from taichi_ldem.solver.dynamics import Dynamics, Features
 
@@ -22,7 +31,8 @@ def test_whole_passes_and_strips_are_the_same_step(taichi: None, law: str | None
     start = random_displacement(body, 0.01 * SPACING)
     ends = []
     for in_strips in (True, False):
-        dynamics = Dynamics(Lattice(mask, SPACING), bars, 1190.0, Features(law=law), in_strips)
+        features = Features(law=law, crack=crack)
+        dynamics = Dynamics(Lattice(mask, SPACING), bars, 1190.0, features, in_strips)
         assert (dynamics.lanes.width > 1) == in_strips
         dynamics.set_displacement(0, body.spread(start))
         for step in range(30):

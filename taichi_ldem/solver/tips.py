@@ -1,0 +1,236 @@
+"""Cracks that grow where their growth releases G_f: the pass before pass 1 of a step.
+
+The paper's law knows a bar's own strain only, and a lattice whose modules are not far smaller than
+l_ch must be loaded beyond G_f before the bar at a crack's tip reaches eps_p. With
+``material.fracture = "crack"`` a bar also fails where this would release what it costs:
+
+    F w / 2 >= G_f A^f,     w <= OPENING (l - L0).
+
+F is its force and w the largest elongation of the failed bars at its two nodes, which tells how far
+its own ends would part: the work that closes a crack by one bar again, as in virtual crack closure
+(Rybicki and Kanninen 1977). The bound on w is the opening next to a tip in linear elasticity; it
+keeps the flanks of a wide open crack from failing under any small tension along them.
+
+Openings are those at the displacement of the step, and a bar counts as failed from the step after
+its failure on, so the order of threads changes nothing.
+"""
+
+import math
+
+import taichi as ti
+
+from taichi_ldem.model.lattice import BAR_VECTORS, BARS_PER_SITE
+from taichi_ldem.model.topology import ENDS, FAMILY, LENGTH_SQUARED, STIFFNESS_KIND
+from taichi_ldem.solver.bars import BarForces
+from taichi_ldem.solver.lanes import HALO
+from taichi_ldem.solver.nodes import NodeAccess
+from taichi_ldem.solver.state import State
+
+OPENING = 2 * math.pi
+"""Largest opening that is counted, over the elongation of the bar ahead of it.
+
+A bar that stands for the stress at L/2 ahead of a tip has the strain K / (E sqrt(pi L)); if it
+fails at G_f, the work F w / 2 = G_f A with EA of a bar of area A gives w = 2 pi (l - L0).
+"""
+
+PASSED = 2 * OPENING
+"""Opening over a bar's elongation from which on the tip has passed the bar: it is on a flank."""
+
+AT_TIP = 4
+"""Most failed bars of a node at a tip. A crack along (100) takes five of a node's bars, one along
+(110) four; a node that has lost more is on a flank."""
+
+
+@ti.data_oriented
+class CrackTips:
+    """Openings of cracks at nodes, and the bars that fail for them."""
+
+    def __init__(self, state: State, bars: BarForces, access: NodeAccess):
+        self.state, self.bars, self.access = state, bars, access
+
+    # -- openings ----------------------------------------------------------------------------------
+
+    @ti.func
+    def note_failed(self, at: ti.template(), lane):
+        """Bring ``known`` up to date for a site, and mark what is near bars that are new in it."""
+        k, j, m = at.k, at.j, at.m
+        before, bits = int(self.state.known[k, j, m][lane]), 0
+        if ti.static(self.state.features.notch):
+            bits = int(self.state.removed[k, j, m][lane])
+        stiffness = self.state.stiffness[int(self.state.code[k, j, m][lane])]
+        for bar in ti.static(range(BARS_PER_SITE)):
+            if self.bars.has_failed(bar, self.state.peak[bar][k, j, m][lane]):
+                bits |= 1 << bar
+            if stiffness[ti.static(STIFFNESS_KIND[bar])] == 0:
+                bits &= ~(1 << bar)
+            if (bits >> bar) & 1 and (before >> bar) & 1 == 0:
+                self.mark_near(bar, at, lane)
+        self.state.known[k, j, m][lane] = ti.cast(bits, ti.u16)
+
+    @ti.func
+    def mark_near(self, bar: ti.template(), at: ti.template(), lane):
+        """Mark the columns whose bars may share a node with one; all threads write the same."""
+        i = self.access.site_of(at.m, lane)
+        for end in ti.static(range(2)):
+            o = ti.static(ENDS[bar][end][1])
+            for dz, dy, dx in ti.ndrange((-1, 2), (-1, 2), (-1, 2)):
+                k, j, there = at.k + o[0] + dz, at.j + o[1] + dy, i + o[2] + dx
+                inside = 0 < k < ti.static(self.state.sites[0] - 1)
+                inside &= 0 < j < ti.static(self.state.sites[1] - 1)
+                inside &= 0 < there < ti.static(self.state.sites[2] - 1)
+                if inside:
+                    m, _ = self.access.column_of(there)
+                    self.state.near[k, j, m] = ti.cast(1, ti.u8)
+
+    @ti.func
+    def is_known(self, bar: ti.template(), at: ti.template(), lane):
+        """Whether a bar had failed or was removed before this step."""
+        return (int(self.state.known[at.k, at.j, at.m][lane]) >> bar) & 1 != 0
+
+    @ti.func
+    def forget_openings(self, bar: ti.template(), at: ti.template(), lane):
+        """Set the openings at the two nodes of a failed bar to zero."""
+        i = self.access.site_of(at.m, lane)
+        for end in ti.static(range(2)):
+            s, o = ti.static(ENDS[bar][end])
+            self.state.opening[s][at.k + o[0], at.j + o[1], i + o[2]] = 0.0
+            self.state.failed[s][at.k + o[0], at.j + o[1], i + o[2]] = 0
+
+    @ti.func
+    def raise_opening(self, bar: ti.template(), at: ti.template(), lane, elongation):
+        """Let the two nodes of a failed bar have at least its elongation as their opening, m."""
+        i = self.access.site_of(at.m, lane)
+        for end in ti.static(range(2)):
+            s, o = ti.static(ENDS[bar][end])
+            ti.atomic_max(self.state.opening[s][at.k + o[0], at.j + o[1], i + o[2]], elongation)
+            ti.atomic_add(self.state.failed[s][at.k + o[0], at.j + o[1], i + o[2]], 1)
+
+    @ti.func
+    def elongation(self, bar: ti.template(), at: ti.template(), step: ti.template(), lane):
+        """Length of a bar less that at rest, m."""
+        length = step.spacing * ti.static(LENGTH_SQUARED[bar] ** 0.5)
+        if ti.static(self.state.features.perturbed):
+            length /= ti.sqrt(self.bars.square_of_length_ratio(bar, at, lane))
+        return length * self.bars.strain(self.bars.twice_green_strain(bar, at, step, lane))
+
+    @ti.func
+    def last_stretching(self, bar: ti.template(), at: ti.template(), step: ti.template(), lane):
+        """Strain of a bar at the step less that one step before, from the velocities between."""
+        k, j, m = at.k, at.j, at.m
+        first, second = ti.static(ENDS[bar])
+        a, b = ti.static(first[1], second[1])
+        along, square = 0.0, 0.0
+        for axis in ti.static(range(3)):
+            far = ti.static(self.state.velocity[second[0]][axis])
+            near = ti.static(self.state.velocity[first[0]][axis])
+            i = self.access.site_of(m, lane)
+            v = self.at_site(far, k + b[0], j + b[1], i + b[2])
+            v -= self.at_site(near, k + a[0], j + a[1], i + a[2])
+            x = step.spacing * ti.static(float(BAR_VECTORS[bar][axis]))
+            if ti.static(self.state.features.perturbed):
+                x = step.spacing * self.bars.perturbed_vector(bar, axis, at, lane)
+            x += self.bars.relative_displacement(bar, axis, at, step, lane)
+            along += x * v
+            square += x * x
+        ratio = 1 + self.bars.strain(self.bars.twice_green_strain(bar, at, step, lane))
+        return step.drift * along * ratio / square
+
+    @ti.func
+    def at_site(self, field: ti.template(), k, j, i):
+        """Value of a field of columns at a site."""
+        m, lane = self.access.column_of(i)
+        return field[k, j, m][lane]
+
+    # -- bars at tips ------------------------------------------------------------------------------
+
+    @ti.func
+    def opening_at(self, bar: ti.template(), at: ti.template(), lane):
+        """The larger opening at a bar's two nodes, m."""
+        i = self.access.site_of(at.m, lane)
+        most = 0.0
+        for end in ti.static(range(2)):
+            s, o = ti.static(ENDS[bar][end])
+            if self.state.failed[s][at.k + o[0], at.j + o[1], i + o[2]] <= AT_TIP:
+                most = ti.max(most, self.state.opening[s][at.k + o[0], at.j + o[1], i + o[2]])
+        return most
+
+    @ti.func
+    def cost(self, bar: ti.template(), at: ti.template(), lane, step: ti.template()):
+        """G_f A^f of a bar over its EA L0; it follows eps_p^2 where bars differ (Eq. (9))."""
+        cost = self.state.toughness[ti.static(FAMILY[bar])]
+        if ti.static(self.state.features.strength and not self.state.features.flaws):
+            cost *= self.state.strength[bar][at.k, at.j, at.m][lane] ** 2
+        return cost
+
+    @ti.func
+    def fail_at_tip(self, bar: ti.template(), at: ti.template(), step: ti.template(), lane):
+        """Let a bar fail if this releases what it costs."""
+        opening = self.opening_at(bar, at, lane)
+        if opening > 0 and not self.is_known(bar, at, lane):
+            length = self.elongation(bar, at, step, lane)
+            strain = self.bars.strain(self.bars.twice_green_strain(bar, at, step, lane))
+            if strain > 0:
+                own = self.bars.peak_strain(bar, at, lane, step.peak_strain)
+                peak = ti.max(self.state.peak[bar][at.k, at.j, at.m][lane], strain / own)
+                force = self.bars.integrity(bar, strain, peak) * strain
+                ratio = opening / length
+                parts = strain * ti.min(ratio, OPENING)
+                enough = force * parts >= 2 * self.cost(bar, at, lane, step)
+                if enough and ratio <= PASSED:
+                    # in the step that ends here the force has fallen to zero already
+                    lost = strain - self.last_stretching(bar, at, step, lane)
+                    released = self.bars.dissipated(bar, peak) + 0.5 * force * lost / (own * own)
+                    self.set_failed(bar, at, lane, released)
+
+    @ti.func
+    def set_failed(self, bar: ti.template(), at: ti.template(), lane, released):
+        """Let a bar be failed, here and where its column is repeated.
+
+        Args:
+            released: energy that it has dissipated, over EA eps_p^2 L0.
+        """
+        k, j, m = at.k, at.j, at.m
+        length, width = ti.static(self.state.lanes.length, self.state.lanes.width)
+        self.put_failed(bar, k, j, m, lane, released)
+        if m < 2 * HALO and lane > 0:
+            self.put_failed(bar, k, j, m + length, lane - 1, released)
+        if m >= length and lane < width - 1:
+            self.put_failed(bar, k, j, m - length, lane + 1, released)
+
+    @ti.func
+    def put_failed(self, bar: ti.template(), k, j, m, lane, released):
+        """Write a failed bar at one place of the columns."""
+        self.state.peak[bar][k, j, m][lane] = -released
+        bits = int(self.state.touched[k, j, m]) | 1 << lane
+        self.state.touched[k, j, m] = ti.cast(bits, ti.u8)
+
+    # -- the pass ----------------------------------------------------------------------------------
+
+    @ti.func
+    def update(self, now, numbers, rounded: ti.template()):
+        """All loops of the pass, each over all columns."""
+        nz, ny, _ = ti.static(self.state.sites)
+        columns = ti.static(((1, nz - 1), (1, ny - 1), (HALO, HALO + self.state.lanes.length)))
+        for k, j, m in ti.ndrange(*columns):
+            if self.state.touched[k, j, m] != 0:
+                at = ti.Struct(k=k, j=j, m=m)
+                for lane in range(self.state.lanes.width):
+                    self.note_failed(at, lane)
+                    for bar in ti.static(range(BARS_PER_SITE)):
+                        if self.is_known(bar, at, lane):
+                            self.forget_openings(bar, at, lane)
+        for k, j, m in ti.ndrange(*columns):
+            if self.state.touched[k, j, m] != 0:
+                step, at = rounded(now, numbers), ti.Struct(k=k, j=j, m=m)
+                for lane in range(self.state.lanes.width):
+                    for bar in ti.static(range(BARS_PER_SITE)):
+                        if self.is_known(bar, at, lane):
+                            parted = self.elongation(bar, at, step, lane)
+                            self.raise_opening(bar, at, lane, parted)
+        for k, j, m in ti.ndrange(*columns):
+            if self.state.near[k, j, m] != 0:
+                step, at = rounded(now, numbers), ti.Struct(k=k, j=j, m=m)
+                for lane in range(self.state.lanes.width):
+                    if int(self.state.code[k, j, m][lane]) != 0:
+                        for bar in ti.static(range(BARS_PER_SITE)):
+                            self.fail_at_tip(bar, at, step, lane)
