@@ -4,7 +4,6 @@ import pytest
 
 from studies.quasi_static_strip import Rule, cost
 
-
 SLOW = [pytest.param(angle, marks=pytest.mark.slow) for angle in (0.0, 22.5)]
 
 
