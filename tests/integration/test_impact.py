@@ -121,6 +121,7 @@ def test_an_existing_run_is_kept(finished: RunFolder, scene: Path) -> None:
     assert finished.history_file.read_bytes() == before
 
 
+@pytest.mark.slow
 def test_the_guard_stops_an_unstable_run(scene: Path) -> None:
     out = scene.parent / "unstable"
     settings = ["solver.time_step=1.95e-7", "solver.allow_unstable=true", "material.damage=false"]

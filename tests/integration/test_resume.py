@@ -174,6 +174,7 @@ def test_a_killed_run_is_resumed_bitwise(copy: Path, whole: RunFolder) -> None:
     assert differences(whole.path, copy) == []
 
 
+@pytest.mark.slow
 def test_sigterm_leaves_a_checkpoint_of_its_own(scene: Path, whole: RunFolder) -> None:
     out = scene.parent / "terminated"
     code, errors = _cut_off(scene, out, 10, signal.SIGTERM)

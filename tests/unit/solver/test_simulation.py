@@ -166,20 +166,26 @@ def _rows(simulation: "Simulation") -> list[tuple[Any, ...]]:
     ]
 
 
-@pytest.fixture(scope="module")
-def used(taichi: None) -> "Simulation":
-    """A simulation that has run to its end and broken bars."""
-    from taichi_ldem.solver.simulation import Simulation
+@pytest.fixture
+def without_estimate(taichi: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The estimate of the critical time step compiles kernels; here it is a number."""
+    from taichi_ldem.solver import stability
 
-    simulation = Simulation(_cracking())
-    assert _rows(simulation)[-1][-1] > 10
-    return simulation
+    monkeypatch.setattr(stability, "critical_time_step", lambda dynamics: 1e-8)
+
+
+@pytest.fixture(scope="module")
+def built(taichi: None) -> list["Simulation"]:
+    """A simulation that is not run, as soon as a test has put it here."""
+    return []
 
 
 @pytest.mark.slow
-def test_a_reset_simulation_runs_as_a_fresh_one_to_the_last_bit(used: "Simulation") -> None:
+def test_a_reset_simulation_runs_as_a_fresh_one_to_the_last_bit(taichi: None) -> None:
     from taichi_ldem.solver.simulation import Simulation
 
+    used = Simulation(_cracking())
+    assert _rows(used)[-1][-1] > 10  # it has run to its end and broken bars
     other = _cracking(
         plate={"perturbation_seed": 2},
         disorder={"seed": 2},
@@ -213,10 +219,14 @@ def test_a_reset_simulation_runs_as_a_fresh_one_to_the_last_bit(used: "Simulatio
     ],
 )
 def test_a_scene_that_needs_other_kernels_is_no_reset(
-    used: "Simulation", change: dict[str, Any], said: str
+    without_estimate: None, built: list["Simulation"], change: dict[str, Any], said: str
 ) -> None:
+    from taichi_ldem.solver.simulation import Simulation
+
+    if not built:
+        built.append(Simulation(_cracking()))
     with pytest.raises(ValueError, match=said):
-        used.reset(_cracking(**change))
+        built[0].reset(_cracking(**change))
 
 
 # -- whole runs, each in a process of its own ------------------------------------------------------

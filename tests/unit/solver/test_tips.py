@@ -100,12 +100,9 @@ def test_a_bar_at_a_tip_costs_g_f_times_its_area() -> None:
         assert family.ductility == 1.0  # at 5 %, bars of this length cannot soften
 
 
-def test_energy_closes_while_a_crack_runs(taichi: None) -> None:
-    from taichi_ldem.solver.simulation import Simulation
-
+def test_energy_closes_while_a_crack_runs(simulation: "Simulation") -> None:
     times = {"solver": {"duration": 1.5e-5}, "output": {"history_interval": 2e-7}}
-    scene = block_scene(20, 8, 2, material=CRACK, notch=[NOTCH], **times)
-    simulation = Simulation(scene)
+    simulation.reset(block_scene(20, 6, 3, material=CRACK, notch=[NOTCH], **times))
     lattice = simulation.dynamics.lattice
     stretch = np.zeros((2, *lattice.sites, 3))
     stretch[..., 0] = 0.012 * lattice.positions()[..., 0] * lattice.exists()
@@ -116,6 +113,7 @@ def test_energy_closes_while_a_crack_runs(taichi: None) -> None:
     assert max(sample.energy_error for sample in samples) < 3e-3
 
 
+@pytest.mark.slow
 def test_a_body_without_cracks_does_not_change(taichi: None) -> None:
     """Elastic waves are those of the paper's law to the last bit: the pass touches nothing."""
     from taichi_ldem.solver.simulation import Simulation
