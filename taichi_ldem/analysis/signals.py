@@ -6,9 +6,11 @@ the first free oscillation of the paper's specimen: oscillations remain, samplin
 - Damage onset: the first sample whose dissipated energy exceeds a thousandth of G_f H^2, the energy
   of a crack through the thickness H that is H long.
 - First peak (P1, t1): the first maximum of the smoothed force, from damage onset on, after which it
-  falls by 3 % before it exceeds that maximum again.
+  falls by 3 % before it exceeds that maximum again. Where the force falls from the onset on, it is
+  the maximum of half a window before.
 - Failure time (t2): the first time from damage onset on at which the smoothed force is below half
-  of the largest before it.
+  of the largest before it. If the force comes back above this half before it has fallen below a
+  fifth of the largest, cracks have popped in and the plate has not failed.
 - Second peak (P2): the largest smoothed force between failure and the minimum after the first peak,
   if the force falls by 3 % after it. A record that ends earlier has none, and neither has a plate
   that fails at its first peak.
@@ -33,6 +35,7 @@ SMOOTHING_WINDOW = 0.2e-3
 ONSET_SHARE = 1e-3
 PEAK_DROP = 0.03
 FAILURE_SHARE = 0.5
+GONE_SHARE = 0.2
 FILTER_ORDER = 2
 
 Array = npt.NDArray[np.float64]
@@ -109,6 +112,8 @@ def force_peaks(time: Array, force: Array, onset: float | None) -> ForcePeaks:
     first = _first_peak(smooth, begin)
     if first is None:
         return ForcePeaks()
+    if first == begin:  # the moving average falls before a sudden fall of the force
+        first = _largest_before(time, smooth, begin)
     found = ForcePeaks(float(smooth[first]), float(time[first]))
     end = _failure(smooth, begin)
     if end < len(time):
@@ -136,10 +141,29 @@ def _first_peak(smooth: Array, start: int) -> int | None:
     return None
 
 
+def _largest_before(time: Array, smooth: Array, index: int) -> int:
+    """Index of the largest force within half a window before an index."""
+    begin = int(np.searchsorted(time, time[index] - 0.5 * SMOOTHING_WINDOW))
+    return begin + int(np.argmax(smooth[begin : index + 1]))
+
+
 def _failure(smooth: Array, start: int) -> int:
-    """First index from ``start`` on below half of the largest force before it, or the length."""
-    low = smooth[start:] < FAILURE_SHARE * np.maximum.accumulate(smooth[start:])
-    return start + int(np.argmax(low)) if low.any() else len(smooth)
+    """Index of the failure from ``start`` on (see the module), or the length of the record."""
+    index = start
+    while index < len(smooth):
+        largest = np.maximum.accumulate(smooth[start:])[index - start :]
+        low = np.flatnonzero(smooth[index:] < FAILURE_SHARE * largest)
+        if not len(low):
+            break
+        index += int(low[0])
+        half = FAILURE_SHARE * float(largest[low[0]])
+        after = smooth[index:] / half
+        back = int(np.argmax(after > 1)) if (after > 1).any() else len(smooth)
+        gone = int(np.argmax(after < GONE_SHARE / FAILURE_SHARE))
+        if back == len(smooth) or (after[gone] < GONE_SHARE / FAILURE_SHARE and gone < back):
+            return index
+        index += back
+    return len(smooth)
 
 
 def energy_failure(time: Array, strain: Array) -> float | None:

@@ -95,6 +95,18 @@ def test_what_comes_back_after_failure_is_no_peak() -> None:
     assert force_peaks(TIME, back, ONSET) == plain
 
 
+def test_cracks_that_pop_in_are_no_failure() -> None:
+    """The force falls to a third at once and comes back; the onset is the moment of the fall."""
+    plain = (1.75, 600), (1.8, 200), (3, 350), (6.5, 700), (6.6, 50), (10, 50)
+    peaks = force_peaks(TIME, _record((0, 0), *plain), 1.75e-3)
+    # the average over 0.2 ms of a force that rises by 600 N in 1.75 ms is largest 0.1 ms before
+    # the fall, or a little later, as the fall takes 0.05 ms
+    assert peaks.first_time == pytest.approx(1.66e-3, abs=2e-5)
+    assert peaks.first_force == pytest.approx(600 * 1.66 / 1.75, rel=0.01)
+    assert peaks.second_force == pytest.approx(690.0, rel=0.02)
+    assert peaks.failure_time == pytest.approx(6.57e-3, abs=2e-5)
+
+
 def test_a_plate_that_fails_at_its_first_peak_has_no_second() -> None:
     debris = (3.0, 100), (3.2, 150), (3.4, 20), (10, 20)  # the plug, caught by the striker
     record = _record((0, 0), (1.5, 600), (2.0, 600), (2.1, 50), *debris)
