@@ -83,6 +83,7 @@ def test_a_nose_of_the_striker_is_one_file(copy: Path) -> None:
     assert _summary(copy / "run")["peak_load_n"] > 0
 
 
+@pytest.mark.slow
 def test_a_scenario_is_one_file_and_a_line_in_the_registry(copy: Path) -> None:
     registry = copy / "taichi_ldem/scenarios/registry.py"
     text = registry.read_text(encoding="utf-8")

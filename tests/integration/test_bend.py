@@ -126,6 +126,7 @@ def test_notch_bars_are_neither_broken_nor_dissipated(struck: Struck) -> None:
     assert sum(parts) > parts[0] > 0.6 * section
 
 
+@pytest.mark.slow
 def test_a_cylinder_out_of_reach_never_acts(taichi: None) -> None:
     from taichi_ldem.solver.simulation import Simulation
 

@@ -199,6 +199,7 @@ def test_zeros_have_no_sign(finished: RunFolder) -> None:
     assert newtons(-0.06) == "   -0.1"
 
 
+@pytest.mark.slow
 def test_what_a_scene_leaves_out_is_left_out(scene: Path) -> None:
     bare = scene.parent / "bare.toml"
     text = SCENE[: SCENE.index("[striker]")] + SCENE[SCENE.index("[solver]") :]
@@ -218,6 +219,7 @@ def test_what_a_scene_leaves_out_is_left_out(scene: Path) -> None:
     assert "left out: bar history and broken-bar record (material.damage = false)" in printed
 
 
+@pytest.mark.slow
 def test_the_end_is_written_where_it_falls_within_an_interval(scene: Path) -> None:
     out = scene.parent / "uneven"
     settings = ["solver.duration=2e-5", "output.history_interval=3e-6", "output.field_interval=0"]

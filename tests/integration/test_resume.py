@@ -162,6 +162,7 @@ def copy(cut: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(cut, tmp_path / "copy"))
 
 
+@pytest.mark.slow
 def test_a_killed_run_is_resumed_bitwise(copy: Path, whole: RunFolder) -> None:
     assert not (copy / "summary.json").exists()
     done = ldem("resume", str(copy))
@@ -210,6 +211,7 @@ def test_a_finished_run_is_extended_bitwise(scene: Path, whole: RunFolder) -> No
     assert "--extend -1.0: must be" in refused.stderr
 
 
+@pytest.mark.slow
 def test_a_damaged_checkpoint_is_refused_and_the_older_one_used(
     copy: Path, whole: RunFolder
 ) -> None:

@@ -166,6 +166,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
     return RunFolder.open(out)
 
 
+@pytest.mark.slow
 def test_a_dumb_bell_is_pulled_until_it_parts(finished: RunFolder) -> None:
     history, summary = finished.read_history(), json.loads(finished.summary_file.read_text())
     assert list(history) == [

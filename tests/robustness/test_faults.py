@@ -192,6 +192,7 @@ def test_a_lattice_larger_than_memory_is_refused_before_anything_is_taken(scene:
     assert not out.exists()
 
 
+@pytest.mark.slow
 def test_a_run_whose_contact_never_happens_says_so(scene: Path, tmp_path: Path) -> None:
     far = ("--set", "striker.gap=0.01", "--set", "solver.duration=5e-6")
     settings = ("--set", "output.field_interval=0")

@@ -44,6 +44,7 @@ def _crack(length: int) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     return numbers, columns
 
 
+@pytest.mark.slow
 def test_a_short_specimen_spends_g_f_on_a_flat_crack(taichi: None) -> None:
     """3.2 mm long, a quarter of E G_f / (E eps_p)^2 = 12.3 mm: the crack has to be driven."""
     _, columns = _crack(6)
