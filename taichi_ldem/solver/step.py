@@ -114,9 +114,22 @@ class Step:
                 step = self.rounded(now, numbers)
                 self.strip_step(turn // TURNS, step, measure)
 
+    @ti.func
+    def tips_in_strip(self, part: ti.template(), strip, step: ti.template()):
+        """A part of the pass of crack tips for the rows that a strip owns."""
+        inner, strips = ti.static(self.state.sites[1] - 2, self.state.layout.strips)
+        for j in range(1 + inner * strip // strips, 1 + inner * (strip + 1) // strips):
+            for k in range(1, self.state.sites[0] - 1):
+                for m in range(HALO, HALO + self.state.lanes.length):
+                    part(ti.Struct(k=k, j=j, m=m), step)
+
     @ti.kernel
     def _tips(self, now: int, numbers: StepNumbers):
-        self.tips.update(now, numbers, self.rounded)
+        for part in ti.static((self.tips.forget, self.tips.open, self.tips.fail)):
+            for turn in range(self.state.layout.strips * TURNS):
+                if turn % TURNS == 0:
+                    step = self.rounded(now, numbers)
+                    self.tips_in_strip(part, turn // TURNS, step)
 
     # -- in passes ---------------------------------------------------------------------------------
 
@@ -128,11 +141,13 @@ class Step:
     @ti.func
     def whole_passes(self, now, numbers, measure: ti.template()):
         """A step in two launches; with ``measure`` a thread sums up a piece of a row."""
-        if ti.static(self.state.features.crack):
-            self.tips.update(now, numbers, self.rounded)
         nz, ny, _ = ti.static(self.state.sites)
         pieces, piece_length = ti.static(self.state.layout.pieces, self.state.layout.piece)
         begin, end = ti.static(HALO, HALO + self.state.lanes.length)
+        if ti.static(self.state.features.crack):
+            for part in ti.static((self.tips.forget, self.tips.open, self.tips.fail)):
+                for j, k, m in ti.ndrange((1, ny - 1), (1, nz - 1), (begin, end)):
+                    part(ti.Struct(k=k, j=j, m=m), self.rounded(now, numbers))
         for j, k, m in ti.ndrange((1, ny - 1), (1, nz - 1), (begin - 1, end + 1)):
             step = self.rounded(now, numbers)
             self.bars.column_forces(ti.Struct(strip=0, row=j, k=k, j=j, m=m), step)

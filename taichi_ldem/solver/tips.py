@@ -207,30 +207,29 @@ class CrackTips:
     # -- the pass ----------------------------------------------------------------------------------
 
     @ti.func
-    def update(self, now, numbers, rounded: ti.template()):
-        """All loops of the pass, each over all columns."""
-        nz, ny, _ = ti.static(self.state.sites)
-        columns = ti.static(((1, nz - 1), (1, ny - 1), (HALO, HALO + self.state.lanes.length)))
-        for k, j, m in ti.ndrange(*columns):
-            if self.state.touched[k, j, m] != 0:
-                at = ti.Struct(k=k, j=j, m=m)
-                for lane in range(self.state.lanes.width):
-                    self.note_failed(at, lane)
+    def forget(self, at: ti.template(), step: ti.template()):
+        """Note the failed bars of a column, and set the openings at their nodes to zero."""
+        if self.state.touched[at.k, at.j, at.m] != 0:
+            for lane in range(self.state.lanes.width):
+                self.note_failed(at, lane)
+                for bar in ti.static(range(BARS_PER_SITE)):
+                    if self.is_known(bar, at, lane):
+                        self.forget_openings(bar, at, lane)
+
+    @ti.func
+    def open(self, at: ti.template(), step: ti.template()):
+        """Give the nodes of a column's failed bars their openings."""
+        if self.state.touched[at.k, at.j, at.m] != 0:
+            for lane in range(self.state.lanes.width):
+                for bar in ti.static(range(BARS_PER_SITE)):
+                    if self.is_known(bar, at, lane):
+                        self.raise_opening(bar, at, lane, self.elongation(bar, at, step, lane))
+
+    @ti.func
+    def fail(self, at: ti.template(), step: ti.template()):
+        """Let a column's bars fail where this releases what they cost."""
+        if self.state.near[at.k, at.j, at.m] != 0:
+            for lane in range(self.state.lanes.width):
+                if int(self.state.code[at.k, at.j, at.m][lane]) != 0:
                     for bar in ti.static(range(BARS_PER_SITE)):
-                        if self.is_known(bar, at, lane):
-                            self.forget_openings(bar, at, lane)
-        for k, j, m in ti.ndrange(*columns):
-            if self.state.touched[k, j, m] != 0:
-                step, at = rounded(now, numbers), ti.Struct(k=k, j=j, m=m)
-                for lane in range(self.state.lanes.width):
-                    for bar in ti.static(range(BARS_PER_SITE)):
-                        if self.is_known(bar, at, lane):
-                            parted = self.elongation(bar, at, step, lane)
-                            self.raise_opening(bar, at, lane, parted)
-        for k, j, m in ti.ndrange(*columns):
-            if self.state.near[k, j, m] != 0:
-                step, at = rounded(now, numbers), ti.Struct(k=k, j=j, m=m)
-                for lane in range(self.state.lanes.width):
-                    if int(self.state.code[k, j, m][lane]) != 0:
-                        for bar in ti.static(range(BARS_PER_SITE)):
-                            self.fail_at_tip(bar, at, step, lane)
+                        self.fail_at_tip(bar, at, step, lane)
