@@ -149,20 +149,18 @@ def _largest_before(time: Array, smooth: Array, index: int) -> int:
 
 def _failure(smooth: Array, start: int) -> int:
     """Index of the failure from ``start`` on (see the module), or the length of the record."""
+    largest = np.maximum.accumulate(smooth[start:])
     index = start
     while index < len(smooth):
-        largest = np.maximum.accumulate(smooth[start:])[index - start :]
-        low = np.flatnonzero(smooth[index:] < FAILURE_SHARE * largest)
+        low = np.flatnonzero(smooth[index:] < FAILURE_SHARE * largest[index - start :])
         if not len(low):
             break
         index += int(low[0])
-        half = FAILURE_SHARE * float(largest[low[0]])
-        after = smooth[index:] / half
-        back = int(np.argmax(after > 1)) if (after > 1).any() else len(smooth)
-        gone = int(np.argmax(after < GONE_SHARE / FAILURE_SHARE))
-        if back == len(smooth) or (after[gone] < GONE_SHARE / FAILURE_SHARE and gone < back):
+        share = smooth[index:] / largest[index - start]
+        back, gone = np.flatnonzero(share > FAILURE_SHARE), np.flatnonzero(share < GONE_SHARE)
+        if not len(back) or (len(gone) and gone[0] < back[0]):
             return index
-        index += back
+        index += int(back[0])
     return len(smooth)
 
 

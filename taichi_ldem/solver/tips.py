@@ -106,12 +106,17 @@ class CrackTips:
             ti.atomic_add(self.state.failed[s][at.k + o[0], at.j + o[1], i + o[2]], 1)
 
     @ti.func
-    def elongation(self, bar: ti.template(), at: ti.template(), step: ti.template(), lane):
-        """Length of a bar less that at rest, m."""
+    def strain(self, bar: ti.template(), at: ti.template(), step: ti.template(), lane):
+        """Engineering strain of a bar."""
+        return self.bars.strain(self.bars.twice_green_strain(bar, at, step, lane))
+
+    @ti.func
+    def length_at_rest(self, bar: ti.template(), at: ti.template(), step: ti.template(), lane):
+        """L0 of a bar, m."""
         length = step.spacing * ti.static(LENGTH_SQUARED[bar] ** 0.5)
         if ti.static(self.state.features.perturbed):
             length /= ti.sqrt(self.bars.square_of_length_ratio(bar, at, lane))
-        return length * self.bars.strain(self.bars.twice_green_strain(bar, at, step, lane))
+        return length
 
     @ti.func
     def last_stretching(self, bar: ti.template(), at: ti.template(), step: ti.template(), lane):
@@ -132,7 +137,7 @@ class CrackTips:
             x += self.bars.relative_displacement(bar, axis, at, step, lane)
             along += x * v
             square += x * x
-        ratio = 1 + self.bars.strain(self.bars.twice_green_strain(bar, at, step, lane))
+        ratio = 1 + self.strain(bar, at, step, lane)
         return step.drift * along * ratio / square
 
     @ti.func
@@ -167,13 +172,12 @@ class CrackTips:
         """Let a bar fail if this releases what it costs."""
         opening = self.opening_at(bar, at, lane)
         if opening > 0 and not self.is_known(bar, at, lane):
-            length = self.elongation(bar, at, step, lane)
-            strain = self.bars.strain(self.bars.twice_green_strain(bar, at, step, lane))
+            strain = self.strain(bar, at, step, lane)
             if strain > 0:
                 own = self.bars.peak_strain(bar, at, lane, step.peak_strain)
                 peak = ti.max(self.state.peak[bar][at.k, at.j, at.m][lane], strain / own)
                 force = self.bars.integrity(bar, strain, peak) * strain
-                ratio = opening / length
+                ratio = opening / (self.length_at_rest(bar, at, step, lane) * strain)
                 parts = strain * ti.min(ratio, OPENING)
                 enough = force * parts >= 2 * self.cost(bar, at, lane, step)
                 if enough and ratio <= PASSED:
@@ -223,7 +227,9 @@ class CrackTips:
             for lane in range(self.state.lanes.width):
                 for bar in ti.static(range(BARS_PER_SITE)):
                     if self.is_known(bar, at, lane):
-                        self.raise_opening(bar, at, lane, self.elongation(bar, at, step, lane))
+                        strain = self.strain(bar, at, step, lane)
+                        length = self.length_at_rest(bar, at, step, lane)
+                        self.raise_opening(bar, at, lane, length * strain)
 
     @ti.func
     def fail(self, at: ti.template(), step: ti.template()):
