@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from taichi_ldem.model import material as mat
-from taichi_ldem.model.lattice import BAR_VECTORS, DIAGONAL
+from taichi_ldem.model.cell import MODULE
 from taichi_ldem.scene import Scene, Solver, parse_scene
 
 if TYPE_CHECKING:
@@ -56,10 +56,9 @@ def layer_bars(modules: int, nu: float) -> Iterator[tuple[int, int, float, Array
         length, vector, place of its start.
     """
     stiffness = mat.axial_stiffness(1.0, nu, 1.0)
-    for bar, vector in enumerate(BAR_VECTORS):
-        first = 0 if bar < 3 else 1
-        last = 1 if 3 <= bar < DIAGONAL.start else 0
-        spring = stiffness[bar >= DIAGONAL.start] / float(np.linalg.norm(vector))
+    for bar, vector in enumerate(MODULE.vectors):
+        (first, _), (last, _) = MODULE.ends[bar]
+        spring = stiffness[MODULE.family[bar]] / float(np.linalg.norm(vector))
         for k in range(modules + 1 - first):
             start = np.array([first, first, 2 * k + first]) / 2
             end = round(start[2] + vector[2] - last / 2)

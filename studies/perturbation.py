@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from taichi_ldem.model import material as mat
-from taichi_ldem.model.lattice import BAR_VECTORS, DIAGONAL, Lattice, node_masses, prism
+from taichi_ldem.model.cell import MODULE
+from taichi_ldem.model.lattice import Lattice, prism
 from taichi_ldem.studies.compliance import stiffness_matrix
 
 Array = npt.NDArray[np.float64]
@@ -42,10 +43,9 @@ def constants(modules: int, share: float, seed: int) -> tuple[float, float, floa
     shift = shift.reshape(-1, 3)
     number = np.arange(2 * modules**3).reshape(2, *[modules] * 3)
     ends, vectors = [], []
-    for bar, vector in enumerate(BAR_VECTORS):
-        start, end = (0, 0) if bar < 3 else (1, 1) if bar < DIAGONAL.start else (1, 0)
-        step = np.rint(vector + 0.5 * (bar >= DIAGONAL.start))[::-1].astype(int)
-        first, second = number[start].ravel(), np.roll(number[end], -step, (0, 1, 2)).ravel()
+    for ((start, _), (end, step)), vector in zip(MODULE.ends, MODULE.vectors, strict=True):
+        first = number[start].ravel()
+        second = np.roll(number[end], [-n for n in step], (0, 1, 2)).ravel()
         ends.append(np.stack([first, second]))
         vectors.append(vector + shift[second] - shift[first])
     (first, second), vector = np.concatenate(ends, axis=1), np.concatenate(vectors)
@@ -80,7 +80,7 @@ def critical_time_step(modules: int, share: float, seed: int) -> float:
     lattice = _cube(modules, share, seed)
     stiffness = mat.axial_stiffness(1.0, NU, 1.0)
     matrix = stiffness_matrix(lattice, stiffness, np.zeros(lattice.sites, dtype=np.uint16))
-    mass = np.repeat(np.moveaxis(node_masses()[lattice.code], -1, 0).ravel(), 3)
+    mass = np.repeat(np.moveaxis(MODULE.node_shares[lattice.code], -1, 0).ravel(), 3)
     scale = diags_array(1 / np.sqrt(mass[mass > 0]))
     there = mass > 0
     scaled = scale @ matrix[there][:, there] @ scale

@@ -43,7 +43,7 @@ class BrokenBars:
 
     Attributes:
         position: (n, 3) mid-points at rest, m.
-        bar: (n,) 0 to 13, see ``taichi_ldem.storage.fields.BAR_NUMBERING``.
+        bar: (n,) its number at its site, see ``taichi_ldem.model.cell``.
     """
 
     position: FloatArray

@@ -10,13 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_ldem.analysis.skeleton import closed
+from taichi_ldem.model.cell import CELLS
 from taichi_ldem.scene import Plate
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-IN_PLANE_BARS = (0, 1, 3, 4)
-"""Numbers of the bars along x and y, of both sublattices (see ``BAR_NUMBERING``)."""
 
 FAINT_SHARE = 1 / 6
 DEPTH_SHARE = 1 / 3
@@ -36,7 +34,7 @@ class BrokenBars(Protocol):
 
     @property
     def bar(self) -> NDArray[np.uint8]:
-        """(n,) number of the bar at its site, 0 to 13."""
+        """(n,) number of the bar at its site."""
 
 
 @dataclass(frozen=True)
@@ -80,17 +78,19 @@ def crack_map(
     """
     nx, ny, nz = plate.modules
     spacing = plate.spacing
-    chosen = np.isin(bars.bar, IN_PLANE_BARS)
+    cell = CELLS[plate.lattice]
+    chosen = np.isin(bars.bar, cell.in_plane)
     place, time = bars.position_m[chosen], bars.time_s[chosen]
-    level = np.clip(np.rint(2 * place[:, 2] / spacing).astype(int), 0, 2 * nz)
+    levels = cell.sublattices * nz  # above the lowest one
+    level = np.clip(np.rint(levels * place[:, 2] / (nz * spacing)).astype(int), 0, levels)
     column = place[:, :2] / spacing + 0.5 * np.array([nx, ny])
-    first = np.full((2 * nz + 1, nx, ny), np.inf)
+    first = np.full((levels + 1, nx, ny), np.inf)
     for shift in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
         # a hundredth of a module: more than rounding, less than the quarter to the next bar
         i, j = np.floor(column + 0.01 * np.array(shift)).astype(int).T
         inside = (i >= 0) & (i < nx) & (j >= 0) & (j < ny)
         np.minimum.at(first, (level[inside], i[inside], j[inside]), time[inside])
-    needed = math.ceil(depth * (2 * nz + 1))
+    needed = math.ceil(depth * (levels + 1))
     arrival = np.partition(first, needed - 1, axis=0)[needed - 1]
     return CrackMap(arrival, spacing, plate.size[2], np.asarray(axis, dtype=float))
 

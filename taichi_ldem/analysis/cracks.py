@@ -273,15 +273,16 @@ def broken_area(bars: BrokenBars, scene: Scene, time: Array) -> Array:
     Bars on a face or an edge of the prism carry 1/2 or 1/4 where the scene weights surfaces, so
     that a plane crack normal to a cube edge has its geometric area. A disc's rim counts as inside.
     """
-    from taichi_ldem.model.material import fracture_areas
+    from taichi_ldem.model.cell import CELLS
+    from taichi_ldem.model.material import bars_of
 
-    plate, material = scene.plate, scene.material
-    longitudinal, diagonal = fracture_areas(material.poisson_ratio, material.fracture_areas)
-    area = np.where(bars.bar < 6, longitudinal, diagonal) * plate.spacing**2
+    plate, cell = scene.plate, CELLS[scene.plate.lattice]
+    areas = np.array([family.fracture_area for family in bars_of(scene)])
+    area = areas[np.array(cell.family)[bars.bar]]
     if plate.surface_weights:
         half = 0.5 * np.array(plate.actual_size)
         from_middle = np.abs(bars.position_m - [0.0, 0.0, half[2]])
         on_face = from_middle > half - 0.01 * plate.spacing
-        # the middle of an edge bar lies on a face that it is normal to only if it lies outside
-        area *= np.where(bars.bar < 3, 0.5 ** on_face.sum(axis=1), 1.0)
+        # the middle of a bar lies on a face that the bar is not in only where the bar lies outside
+        area *= 0.5 ** on_face.sum(axis=1)
     return _sum_until(time, bars.time_s, area)

@@ -24,7 +24,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from taichi_ldem.model.lattice import BAR_VECTORS, BARS_PER_SITE, Lattice, bar_weights
+from taichi_ldem.model.lattice import Lattice
 from taichi_ldem.scene import DISORDERED, Disorder, Scene
 from taichi_ldem.scene.weibull import (
     SMALLEST_CV,
@@ -187,9 +187,9 @@ class Drawn:
     """Factors on the means of what varies; None what does not.
 
     Attributes:
-        fracture_energy, youngs_modulus: (nz + 3, ny + 3, nx + 3, 14), of every bar.
+        fracture_energy, youngs_modulus: (nz + 3, ny + 3, nx + 3, bars), of every bar.
         density: (nz, ny, nx), of every module.
-        strength: (nz + 3, ny + 3, nx + 3, 14), of every bar's eps_p apart from G_f.
+        strength: (nz + 3, ny + 3, nx + 3, bars), of every bar's eps_p apart from G_f.
     """
 
     fracture_energy: Array | None = None
@@ -199,7 +199,7 @@ class Drawn:
 
     def statistics(self, lattice: Lattice) -> dict[str, tuple[float, float]]:
         """Mean and CV of each field over the bars or modules that exist."""
-        bars = bar_weights(False)[lattice.code] > 0
+        bars = lattice.bar_exists()
         found = {}
         for name in DISORDERED:
             values = getattr(self, name)
@@ -210,7 +210,7 @@ class Drawn:
 
     @property
     def peak_strain(self) -> Array | None:
-        """(S, 14) eps_p over its mean: eps_p follows sqrt(G_f / E), which keeps R_f, K_r."""
+        """(S, bars) eps_p over its mean: eps_p follows sqrt(G_f / E), which keeps R_f, K_r."""
         if self.strength is not None:
             return self.strength
         if self.fracture_energy is None and self.youngs_modulus is None:
@@ -221,8 +221,8 @@ class Drawn:
 
 
 def _of_part_volumes(lattice: Lattice, shape: float) -> Array:
-    """(S, 14) strength of bars on a face or an edge, which stand for a part of a volume, over 1."""
-    weights = bar_weights(lattice.surface_weights)[lattice.code]
+    """(S, bars) strength of bars on a face or an edge, which stand for part of a volume, over 1."""
+    weights = lattice.bar_shares()
     return np.asarray(np.where(weights > 0, weights, 1.0) ** (-1 / shape))
 
 
@@ -231,8 +231,8 @@ def draw(scene: Scene, lattice: Lattice) -> Drawn:
     disorder = scene.disorder
     if disorder is None:
         return Drawn()
-    starts = np.where(np.arange(BARS_PER_SITE)[:, None] < 3, 0.0, 0.5)
-    bars = [_site_grid(lattice, o, True) for o in starts + 0.5 * BAR_VECTORS]
+    middles = lattice.cell.starts + 0.5 * lattice.cell.vectors
+    bars = [_site_grid(lattice, offset, True) for offset in middles]
     modules = [_site_grid(lattice, np.full(3, 0.5), False)]
     drawn = {}
     for name in DISORDERED:

@@ -2,19 +2,11 @@
 
 Sites are numbered ``[k, j, i]`` along z, y, x and padded by one ghost layer on every side, so that
 a kernel reaches every neighbour by a constant offset. A site carries a corner node and, where the
-module that starts there exists, a centre node half a module further. Its byte says which of the
-eight modules around the corner node exist: bit ``4 dz + 2 dy + dx`` stands for module ``(k - 1 +
-dz, j - 1 + dy, i - 1 + dx)``, so bit 7 is the site's own module. The byte decides everything: which
-of the site's fourteen bars exist, the share of a whole bar that they carry, and the masses of both
-nodes.
-
-====== ============================================================ ==============================
-bar    from, to                                                     exists where
-====== ============================================================ ==============================
-0-2    corner node to the next one along +x, +y, +z                 one of the 4 modules around does
-3-5    centre node to the one before along -x, -y, -z               both modules do
-6-13   centre node to corner ``6 + 4 dz + 2 dy + dx`` of its module the module does
-====== ============================================================ ==============================
+module that starts there exists and its unit cell has one, a centre node half a module further. Its
+byte says which of the eight modules around the corner node exist: bit ``4 dz + 2 dy + dx`` stands
+for module ``(k - 1 + dz, j - 1 + dy, i - 1 + dx)``, so bit 7 is the site's own module. The byte
+decides everything: which of the unit cell's bars exist (see ``cell``), the share of a whole bar
+that they carry, and the masses of the nodes.
 """
 
 import math
@@ -25,57 +17,12 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-BARS_PER_SITE = 14
-LONGITUDINAL = slice(0, 6)
-DIAGONAL = slice(6, 14)
+from taichi_ldem.model.cell import MODULE, MODULES, UnitCell
 
-BAR_VECTORS: npt.NDArray[np.float64] = np.array(
-    [(1, 0, 0), (0, 1, 0), (0, 0, 1), (-1, 0, 0), (0, -1, 0), (0, 0, -1)]
-    + [(dx - 0.5, dy - 0.5, dz - 0.5) for dz in (0, 1) for dy in (0, 1) for dx in (0, 1)]
-)
-"""(14, 3): the vector from a bar's first to its second node, in units of the module edge."""
-
-_CODES = np.arange(256, dtype=np.uint8)
-_MODULE = np.unpackbits(_CODES[:, None], axis=1, bitorder="little").astype(bool)
 _FREE = np.stack(
-    [(_MODULE[:, np.arange(8) ^ side] == _MODULE).all(axis=1) for side in (1, 2, 4)], axis=1
+    [(MODULES[:, np.arange(8) ^ side] == MODULES).all(axis=1) for side in (1, 2, 4)], axis=1
 )
 """(256, 3): whether a corner node has the same modules on both sides of it along x, y, z."""
-_AROUND_EDGE = ((1, 3, 5, 7), (2, 3, 6, 7), (4, 5, 6, 7))
-_MODULE_BEFORE = (6, 5, 3)
-
-
-def bar_weights(surface_weights: bool) -> npt.NDArray[np.float64]:
-    """Share of a whole bar carried by each of a site's bars, for every site byte.
-
-    An edge bar is shared by four modules; on a face or an edge of the body only two or one of them
-    exist, and consistent homogenisation leaves it 1/2 or 1/4 of its stiffness and fracture area.
-
-    Args:
-        surface_weights: False gives every existing bar its whole section.
-
-    Returns:
-        (256, 14) weights, zero where a bar does not exist.
-    """
-    weights = np.zeros((256, BARS_PER_SITE))
-    for axis, (modules, before) in enumerate(zip(_AROUND_EDGE, _MODULE_BEFORE, strict=True)):
-        share = _MODULE[:, modules].sum(axis=1) / 4
-        weights[:, axis] = share if surface_weights else share > 0
-        weights[:, 3 + axis] = _MODULE[:, 7] & _MODULE[:, before]
-    weights[:, DIAGONAL] = _MODULE[:, 7:]
-    return weights
-
-
-def node_masses() -> npt.NDArray[np.float64]:
-    """Masses of a site's corner and centre node over that of a module, for every site byte.
-
-    Half a module's mass sits at its centre, the other half is spread over its eight corners
-    (Section 2), so the sum over a body is exactly its volume times its density.
-
-    Returns:
-        (256, 2): corner, centre.
-    """
-    return np.stack([_MODULE.sum(axis=1) / 16, _MODULE[:, 7] / 2], axis=1)
 
 
 @dataclass(frozen=True)
@@ -85,9 +32,10 @@ class Lattice:
     Attributes:
         mask: (nz, ny, nx) True where a module exists.
         spacing: module edge L, m.
-        surface_weights: whether surface and edge bars carry 1/2 and 1/4 (see ``bar_weights``).
+        surface_weights: whether surface and edge bars carry 1/2 and 1/4 (``UnitCell.weights``).
         perturbation: largest way that a node lies off its place in the regular lattice, in L.
         seed: of these ways.
+        cell: the bars of a site.
     """
 
     mask: npt.NDArray[np.bool_]
@@ -95,6 +43,7 @@ class Lattice:
     surface_weights: bool = True
     perturbation: float = 0.0
     seed: int = 0
+    cell: UnitCell = MODULE
 
     @property
     def modules(self) -> tuple[int, int, int]:
@@ -133,12 +82,12 @@ class Lattice:
     @property
     def bars(self) -> int:
         """Number of bars."""
-        return int(self._census @ (bar_weights(False) > 0).sum(axis=1))
+        return int(self._census @ (self.cell.shares > 0).sum(axis=1))
 
     @property
     def nodes(self) -> int:
-        """Number of nodes of both kinds."""
-        return int(self._census @ (node_masses() > 0).sum(axis=1))
+        """Number of nodes of all kinds."""
+        return int(self._census @ (self.cell.node_shares > 0).sum(axis=1))
 
     @property
     def volume(self) -> float:
@@ -146,12 +95,12 @@ class Lattice:
         return float(self.mask.sum()) * self.spacing**3
 
     def positions(self) -> npt.NDArray[np.float64]:
-        """Positions of all nodes at rest, m: (2, nz + 3, ny + 3, nx + 3, 3), corner, centre."""
+        """Positions of all nodes at rest, m: (sublattices, *S, 3)."""
         return self.grid() if self.offsets is None else self.grid() + self.offsets
 
     @cached_property
     def offsets(self) -> npt.NDArray[np.float64] | None:
-        """(2, *S, 3) how far the nodes lie off the regular lattice, m; None where it is regular.
+        """(sublattices, *S, 3) distances of nodes from the regular lattice, m; None where it is.
 
         Uniform in a ball of radius ``perturbation`` L; a corner node on a face keeps to it and one
         on an edge to the edge, so that faces stay flat: it moves along an axis only where the
@@ -159,7 +108,7 @@ class Lattice:
         """
         if not self.perturbation:
             return None
-        shape = (2, *self.sites)
+        shape = (self.cell.sublattices, *self.sites)
         raw = np.random.PCG64(np.random.SeedSequence(self.seed)).random_raw(4 * math.prod(shape))
         drawn = ((raw >> np.uint64(12)).astype(np.float64) + 0.5).reshape(4, *shape) * 2.0**-52
         z, angle = 2 * drawn[0] - 1, 2 * math.pi * drawn[1]
@@ -170,25 +119,33 @@ class Lattice:
         return np.asarray(offsets * self.exists()[..., None])
 
     def grid(self) -> npt.NDArray[np.float64]:
-        """Places of all nodes in the regular lattice, m: (2, nz + 3, ny + 3, nx + 3, 3)."""
+        """Places of all nodes in the regular lattice, m: (sublattices, *S, 3)."""
         axes = [
             start + (np.arange(n) - 1) * self.spacing
             for start, n in zip(self.origin, reversed(self.sites), strict=True)
         ]
         z, y, x = np.meshgrid(axes[2], axes[1], axes[0], indexing="ij")
         corner = np.stack([x, y, z], axis=-1)
-        return np.stack([corner, corner + 0.5 * self.spacing])
+        return np.stack([corner + 0.5 * s * self.spacing for s in range(self.cell.sublattices)])
 
     def exists(self) -> npt.NDArray[np.bool_]:
-        """(2, nz + 3, ny + 3, nx + 3) True where a node exists."""
-        return np.moveaxis(node_masses()[self.code] > 0, -1, 0)
+        """(sublattices, *S) True where a node exists."""
+        return np.moveaxis(self.cell.node_shares[self.code] > 0, -1, 0)
+
+    def bar_exists(self) -> npt.NDArray[np.bool_]:
+        """(nz + 3, ny + 3, nx + 3, bars) True where a bar exists."""
+        return np.asarray((self.cell.shares > 0)[self.code])
+
+    def bar_shares(self) -> npt.NDArray[np.float64]:
+        """(nz + 3, ny + 3, nx + 3, bars) share of a whole bar; zero where there is none."""
+        return np.asarray(self.cell.weights(self.surface_weights)[self.code])
 
     def bar_midpoints(
         self, site: npt.NDArray[np.int64], bar: npt.NDArray[np.int64]
     ) -> npt.NDArray[np.float64]:
         """Mid-points of bars in the regular lattice, m: (n, 3), from sites (n, 3), bars (n,)."""
-        start = np.where(bar[:, None] < 3, 0.0, 0.5)
-        offset = (site[:, ::-1] - 1 + start + 0.5 * BAR_VECTORS[bar]) * self.spacing
+        start = self.cell.starts[bar]
+        offset = (site[:, ::-1] - 1 + start + 0.5 * self.cell.vectors[bar]) * self.spacing
         return np.asarray(self.origin) + offset
 
     def bars_crossing(
@@ -215,17 +172,17 @@ class Lattice:
         Returns:
             (nz + 3, ny + 3, nx + 3) one bit a bar.
         """
-        first, vectors = self.grid(), BAR_VECTORS * self.spacing
+        first, vectors = self.grid(), self.cell.vectors * self.spacing
         if angle:
             first, vectors = turned(first, angle), turned(vectors, angle)
         others = [a for a in range(3) if a != axis]
         plane = position + 1e-6 * self.spacing
         cut = np.zeros(self.sites, dtype=np.uint16)
-        existing = bar_weights(False)[self.code] > 0
+        existing = self.bar_exists()
         for bar, vector in enumerate(vectors):
             if abs(vector[axis]) < 1e-9 * self.spacing:
                 continue
-            start = first[0 if bar < 3 else 1]
+            start = first[self.cell.ends[bar][0][0]]
             along = (plane - start[..., axis]) / vector[axis]
             hit = existing[..., bar] & (along >= 0) & (along < 1)
             for other, low, high in zip(others, lower, upper, strict=True):

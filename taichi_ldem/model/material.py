@@ -1,9 +1,10 @@
 """A scene's material as bars: the paper's formulas, and whether the lattice is fine enough."""
 
 from taichi_ldem.scene import Scene
-from taichi_ldem.scene.checks import LARGE_SIDE, refuse_coarse
+from taichi_ldem.scene.checks import LARGE_SIDE, bars_of, refuse_coarse
 from taichi_ldem.scene.equations import (
     DIAGONAL_LENGTH,
+    FAMILY_NAMES,
     BarFamily,
     Bars,
     axial_stiffness,
@@ -18,11 +19,13 @@ from taichi_ldem.scene.equations import (
 
 __all__ = [
     "DIAGONAL_LENGTH",
+    "FAMILY_NAMES",
     "LARGE_SIDE",
     "BarFamily",
     "Bars",
     "axial_stiffness",
     "bar_families",
+    "bars_of",
     "characteristic_length",
     "check",
     "delta",

@@ -1,13 +1,13 @@
 """Waves of the infinite lattice and of an infinite bar cut from it, exactly (NumPy only).
 
-Corner and centre nodes have the same mass, half a module's, and the same fourteen bars: six of
-length L along the axes and eight diagonals. Together they are one body-centred cubic Bravais
-lattice with first and second neighbours, so a wave u exp(i (k.x - omega t)) obeys
+All nodes have the same mass and the same bars. The corner and centre nodes of the paper's module
+are together one body-centred cubic Bravais lattice with first and second neighbours; the nodes of
+"cubic-26" are a simple cubic one. So a wave u exp(i (k.x - omega t)) obeys
 
-    omega^2 u = D(k) u,   D(k) = (1/m) sum over the 14 bars  s (1 - cos k.r) n n^T,
+    omega^2 u = D(k) u,   D(k) = (1/m) sum over the bars at a node  s (1 - cos k.r) n n^T,
 
 with bar vector r, unit vector n and stiffness s = EA / length: a real 3 x 3 matrix for wave vectors
-of the body-centred lattice's Brillouin zone. (Seen as two sublattices of a cubic lattice it is a
+of the lattice's Brillouin zone. (Seen as two sublattices of a cubic lattice the paper's is a
 6 x 6 matrix: its six branches are these three at k and at k + (2 pi / L, 0, 0).)
 
 Central differences with a step dt follow sin(omega dt / 2) = omega_0 dt / 2 with omega_0 of the
@@ -23,14 +23,12 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from taichi_ldem.model.lattice import BAR_VECTORS, Lattice, bar_weights, node_masses
+from taichi_ldem.model.cell import CELLS, MODULE, UnitCell
+from taichi_ldem.model.lattice import Lattice
 from taichi_ldem.model.material import bar_families
 from taichi_ldem.scene import Material
 
 Array = npt.NDArray[np.float64]
-
-_LENGTHS = np.linalg.norm(BAR_VECTORS, axis=1)
-_UNITS = BAR_VECTORS / _LENGTHS[:, None]
 
 
 @dataclass(frozen=True)
@@ -38,26 +36,37 @@ class Bulk:
     """The infinite lattice.
 
     Attributes:
-        stiffness: EA / length of longitudinal and diagonal bars, N/m.
-        mass: of a node, half a module's, kg.
+        stiffness: EA / length of the bar families, N/m.
+        mass: of a node, kg.
         spacing: module edge L, m.
+        cell: the bars of a site; all nodes have the same star of bars.
     """
 
-    stiffness: tuple[float, float]
+    stiffness: tuple[float, ...]
     mass: float
     spacing: float
+    cell: UnitCell = MODULE
 
-    @property
+    @cached_property
+    def _rays(self) -> Array:
+        # (n, 3) vectors of the bars at a node, in module edges
+        return self.cell.rays[0]
+
+    @cached_property
+    def _units(self) -> Array:
+        return np.asarray(self._rays / np.linalg.norm(self._rays, axis=1)[:, None])
+
+    @cached_property
     def _shares(self) -> Array:
-        # (14,) stiffness over mass of the bars at a node
-        edge, slant = self.stiffness
-        return np.where(_LENGTHS == 1.0, edge, slant) / self.mass
+        # (n,) stiffness over mass of the bars at a node
+        families = [self.cell.family[bar] for bar, _ in self.cell.scalars[0]]
+        return np.array([self.stiffness[family] for family in families]) / self.mass
 
     def matrix(self, k: npt.ArrayLike) -> Array:
         """Dynamical matrices D(k), (..., 3, 3) in 1/s2, of wave vectors (..., 3) in 1/m."""
-        phase = np.asarray(k) @ (self.spacing * BAR_VECTORS.T)
+        phase = np.asarray(k) @ (self.spacing * self._rays.T)
         swing = self._shares * (1 - np.cos(phase))
-        return np.asarray(np.einsum("...b,bi,bj->...ij", swing, _UNITS, _UNITS))
+        return np.asarray(np.einsum("...b,bi,bj->...ij", swing, self._units, self._units))
 
     def waves(self, k: npt.ArrayLike) -> tuple[Array, Array]:
         """Angular frequencies (..., 3), ascending, 1/s; polarisations (..., 3, 3), columns."""
@@ -80,9 +89,9 @@ class Bulk:
         plane: along a symmetry axis both give the same component along k.
         """
         omega, shapes = self.waves(k)
-        bars = self.spacing * BAR_VECTORS
+        bars = self.spacing * self._rays
         slope = self._shares * np.sin(np.asarray(k) @ bars.T)
-        along = np.einsum("bi,...in->...bn", _UNITS, shapes) ** 2
+        along = np.einsum("bi,...in->...bn", self._units, shapes) ** 2
         rise = np.einsum("...b,...bn,bi->...ni", slope, along, bars)
         return np.asarray(rise / (2 * omega[..., None]))
 
@@ -117,18 +126,21 @@ class Bulk:
         return float(self.phase_velocities(1e-4 / self.spacing * directions).max())
 
 
-def _bar_stiffness(material: Material, spacing: float, variant: str) -> tuple[float, float]:
-    """EA / length of longitudinal and diagonal bars, N/m."""
-    bars = bar_families(material, spacing, variant)
-    long, slant = bars.longitudinal, bars.diagonal
-    return long.axial_stiffness / long.length, slant.axial_stiffness / slant.length
+def _bar_stiffness(
+    material: Material, spacing: float, variant: str, lattice: str
+) -> tuple[float, ...]:
+    """EA / length of the bar families, N/m."""
+    bars = bar_families(material, spacing, variant, lattice=lattice)
+    return tuple(family.axial_stiffness / family.length for family in bars)
 
 
-def bulk(material: Material, spacing: float, variant: str = "equation-2") -> Bulk:
-    """The infinite lattice of a material at a module edge (m)."""
-    stiffness = _bar_stiffness(material, spacing, variant)
-    mass = 0.5 * material.density * spacing**3
-    return Bulk(stiffness, mass, spacing)
+def bulk(
+    material: Material, spacing: float, variant: str = "equation-2", lattice: str = "module"
+) -> Bulk:
+    """The infinite lattice of a material at a module edge (m), of a unit cell by its name."""
+    stiffness, cell = _bar_stiffness(material, spacing, variant, lattice), CELLS[lattice]
+    mass = material.density * spacing**3 / cell.sublattices
+    return Bulk(stiffness, mass, spacing, cell)
 
 
 def discrete_frequency(omega: npt.ArrayLike, time_step: float) -> Array:
@@ -150,13 +162,13 @@ class Waveguide:
     Attributes:
         lattice: a piece of the bar, at least five modules long along ``axis``.
         axis: 0, 1, 2 for a bar along x, y, z.
-        stiffness: EA / length of longitudinal and diagonal bars, N/m.
+        stiffness: EA / length of the bar families, N/m.
         density: kg/m3.
     """
 
     lattice: Lattice
     axis: int
-    stiffness: tuple[float, float]
+    stiffness: tuple[float, ...]
     density: float
     _site: int = field(default=3, init=False)  # away from the ends of the piece
 
@@ -167,12 +179,12 @@ class Waveguide:
 
     @cached_property
     def nodes(self) -> npt.NDArray[np.bool_]:
-        """(2, A, B) where one period has nodes: corner, centre."""
+        """(sublattices, A, B) where one period has nodes."""
         return np.moveaxis(self._masses > 0, -1, 0)
 
     @property
     def _masses(self) -> Array:
-        return node_masses()[self.code] * self.density * self.lattice.spacing**3
+        return self.lattice.cell.node_shares[self.code] * self.density * self.lattice.spacing**3
 
     @cached_property
     def mass(self) -> Array:
@@ -185,17 +197,19 @@ class Waveguide:
         n = len(self.mass)
         number = np.full(self.nodes.shape, -1)
         number[self.nodes] = np.arange(n)
-        weights = bar_weights(self.lattice.surface_weights)[self.code]
+        cell = self.lattice.cell
+        weights = cell.weights(self.lattice.surface_weights)[self.code]
+        units = cell.vectors / np.linalg.norm(cell.vectors, axis=1)[:, None]
         across = [a for a in (2, 1, 0) if a != self.axis]  # arrays are in the order z, y, x
         own = np.zeros((n, n, 3, 3))
         coupling: dict[float, Array] = {}
-        for bar, vector in enumerate(BAR_VECTORS):
-            first, second = (0, 0) if bar < 3 else (1, 1) if bar < 6 else (1, 0)
-            step = np.rint(vector + 0.5 * (first - second)).astype(int)
+        for bar, vector in enumerate(cell.vectors):
+            (first, _), (second, there) = cell.ends[bar]
+            step = there[::-1]
             a, b = np.nonzero(weights[..., bar])
             i = number[first, a, b]
             j = number[second, a + step[across[0]], b + step[across[1]]]
-            pull = self.stiffness[0 if bar < 6 else 1] * np.outer(_UNITS[bar], _UNITS[bar])
+            pull = self.stiffness[cell.family[bar]] * np.outer(units[bar], units[bar])
             part = weights[a, b, bar][:, None, None] * pull
             for node in (
                 i,
@@ -253,5 +267,5 @@ def waveguide(
     material: Material, lattice: Lattice, axis: int, variant: str = "equation-2"
 ) -> Waveguide:
     """The infinite bar that a piece of lattice (uniform along ``axis``) is cut from."""
-    stiffness = _bar_stiffness(material, lattice.spacing, variant)
+    stiffness = _bar_stiffness(material, lattice.spacing, variant, lattice.cell.name)
     return Waveguide(lattice, axis, stiffness, material.density)

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from taichi_ldem.analysis import signals
 from taichi_ldem.model import material as mat
-from taichi_ldem.model.lattice import BAR_VECTORS, BARS_PER_SITE, DIAGONAL, Lattice, bar_weights
+from taichi_ldem.model.lattice import Lattice
 from taichi_ldem.scenarios.runner import History
 from taichi_ldem.scene import Notch, Scene
 from taichi_ldem.storage.folder import RunFolder
@@ -53,18 +53,18 @@ def ligament_area(scene: Scene, notch: Notch, lattice: Lattice) -> float:
     crossing = lattice.bars_crossing(notch.axes[0], notch.position, *everywhere)
     (a, b), (c, d) = notch.bounds
     removed = lattice.bars_crossing(notch.axes[0], notch.position, (a, c), (b, d))
-    weights = bar_weights(lattice.surface_weights)[lattice.code]
-    areas = mat.fracture_areas(scene.material.poisson_ratio, scene.material.fracture_areas)
+    weights, cell = lattice.bar_shares(), lattice.cell
+    bars = mat.bars_of(scene)
     left = crossing & ~removed
-    total = sum(
-        areas[bar >= DIAGONAL.start] * float(weights[..., bar][(left >> bar & 1) == 1].sum())
-        for bar in range(BARS_PER_SITE)
+    return sum(
+        bars[cell.family[bar]].fracture_area
+        * float(weights[..., bar][(left >> bar & 1) == 1].sum())
+        for bar in range(cell.bars)
     )
-    return total * lattice.spacing**2
 
 
 def beside_plane(notch: Notch, lattice: Lattice) -> npt.NDArray[np.bool_]:
-    """(14, *S) bars that a flat crack in the notch's plane would not break.
+    """(bars, *S) bars that a flat crack in the notch's plane would not break.
 
     Their midpoints are more than half a module away from the plane: a crack along either side of
     the plane's nodes breaks bars whose midpoints are nearer.
@@ -72,8 +72,8 @@ def beside_plane(notch: Notch, lattice: Lattice) -> npt.NDArray[np.bool_]:
     axis = notch.axes[0]
     place = lattice.positions()[..., axis]
     middles = [
-        place[0 if bar < 3 else 1] + 0.5 * lattice.spacing * vector[axis]
-        for bar, vector in enumerate(BAR_VECTORS)
+        place[first] + 0.5 * lattice.spacing * vector[axis]
+        for ((first, _), _), vector in zip(lattice.cell.ends, lattice.cell.vectors, strict=True)
     ]
     return np.asarray(np.abs(np.stack(middles) - notch.position) > 0.51 * lattice.spacing)
 

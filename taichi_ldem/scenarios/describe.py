@@ -56,14 +56,14 @@ LEGEND_OF_DAMAGE = (
 def implied(scene: Scene) -> dict[str, str]:
     """Quantities that follow from the inputs without building anything: name -> value with unit."""
     plate, m = scene.plate, scene.material
-    bars = mat.bar_families(m, plate.spacing, plate.stiffness, strength_by_volume(scene))
+    bars = mat.bars_of(scene)
+    names = mat.FAMILY_NAMES[plate.lattice]
     nx, ny, nz = plate.modules
     x, y, z = (1e3 * side for side in plate.actual_size)
     rows = {
         "modules": f"{nx} x {ny} x {nz}, L = {1e3 * plate.spacing:.4f} mm",
         "size": f"{x:.2f} x {y:.2f} x {z:.2f} mm",
-        "EA longitudinal, diagonal": f"{bars.longitudinal.axial_stiffness:.2f}, "
-        f"{bars.diagonal.axial_stiffness:.2f} N",
+        f"EA {', '.join(names)}": ", ".join(f"{f.axial_stiffness:.2f}" for f in bars) + " N",
     }
     c11, c12, c44 = mat.elastic_constants(m.youngs_modulus, m.poisson_ratio, plate.stiffness)
     rows["C11, C12, C44"] = f"{c11 / 1e9:.3f}, {c12 / 1e9:.3f}, {c44 / 1e9:.3f} GPa"
@@ -74,8 +74,8 @@ def implied(scene: Scene) -> dict[str, str]:
 
 def _fracture(scene: Scene, bars: mat.Bars, fracture_energy: float) -> dict[str, str]:
     m = scene.material
-    families = (bars.longitudinal, bars.diagonal)
-    eps_p = bars.longitudinal.peak_strain
+    families, eps_p = tuple(bars), bars[0].peak_strain
+    kinds = "long., diag." if scene.plate.lattice == "module" else "edge, face, cube diag."
 
     def pair(values: list[float], form: str = ".4f") -> str:
         return ", ".join(f"{value:{form}}" for value in values)
@@ -84,9 +84,9 @@ def _fracture(scene: Scene, bars: mat.Bars, fracture_energy: float) -> dict[str,
     rows = {
         "peak strain eps_p": f"{eps_p:.5f}",
         "strength E eps_p": f"{1e-6 * m.youngs_modulus * eps_p:.1f} MPa",
-        "limit strain eps_r (long., diag.)": pair([f.limit_strain for f in families], ".5f"),
-        "K_r (long., diag.)": pair([f.ductility for f in families], ".3f"),
-        "L_cr (long., diag.)": pair([1e3 * f.critical_length for f in families]) + " mm",
+        f"limit strain eps_r ({kinds})": pair([f.limit_strain for f in families], ".5f"),
+        f"K_r ({kinds})": pair([f.ductility for f in families], ".3f"),
+        f"L_cr ({kinds})": pair([1e3 * f.critical_length for f in families]) + " mm",
         "characteristic length 1/R_f^2": f"{1e3 * length:.3f} mm",
         "fracture energy G_f": f"{fracture_energy:.0f} J/m2",
     }

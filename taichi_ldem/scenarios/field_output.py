@@ -45,7 +45,7 @@ class FieldOutput:
                 self._drop_due(resumed.history[-1]["time_s"])
         origin = {key: _text(value) for key, value in provenance(scene).items()}
         old = None if resumed is None else self.written
-        self.writer = FieldWriter(folder.fields_file, points, cells, old, origin)
+        self.writer = FieldWriter(folder.fields_file, points, cells, old, origin, lattice.cell)
 
     @property
     def bytes_per_frame(self) -> int:

@@ -93,8 +93,8 @@ def cost(simulation: "Simulation") -> Cost:
 def measure(simulation: "Simulation", seconds: float = SECONDS) -> float:
     """Milliseconds a step, contact and a history row at the scene's interval included."""
     dynamics = simulation.dynamics
-    shape = (2, *dynamics.sites, 3)
     exists = dynamics.lattice.exists()[..., None]
+    shape = (*exists.shape[:-1], 3)
     start = AMPLITUDE * exists * np.random.default_rng(0).uniform(-1, 1, shape)
     simulation.start_from(start, np.zeros(shape))
     simulation.sample_step()

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from taichi_ldem.errors import SceneError
-from taichi_ldem.scene.equations import Bars, bar_families
+from taichi_ldem.scene.equations import FAMILY_NAMES, Bars, bar_families
 from taichi_ldem.scene.values import refuse
 from taichi_ldem.scene.weibull import strength_by_volume
 
@@ -188,6 +188,12 @@ def _check_sides(scene: Scene) -> None:
         raise refuse("plate.size", plate.size, why)
 
 
+def bars_of(scene: Scene) -> Bars:
+    """The bar families of a scene, without judging K_r."""
+    plate, by_volume = scene.plate, strength_by_volume(scene)
+    return bar_families(scene.material, plate.spacing, plate.stiffness, by_volume, plate.lattice)
+
+
 def refuse_coarse(scene: Scene, name: str = "") -> Bars:
     """The scene's bar families, refused where modules are too coarse for the material.
 
@@ -199,10 +205,10 @@ def refuse_coarse(scene: Scene, name: str = "") -> Bars:
     """
     plate, limit = scene.plate, scene.material.limit_strain
     where = f"{name}: " if name else ""
-    bars = bar_families(scene.material, plate.spacing, plate.stiffness, strength_by_volume(scene))
+    bars = bars_of(scene)
     if not scene.material.damage:
         return bars
-    for kind, family in (("longitudinal", bars.longitudinal), ("diagonal", bars.diagonal)):
+    for kind, family in zip(FAMILY_NAMES[plate.lattice], bars, strict=True):
         if family.ductility >= 1:
             continue
         if limit is not None:
@@ -227,6 +233,18 @@ def _rounded_up(strain: float) -> str:
     """A strain to five digits that is not below it: it may be copied into a scene."""
     text = f"{strain:.5g}"
     return text if float(text) >= strain else f"{strain * (1 + 5e-5):.5g}"
+
+
+def _check_lattice(scene: Scene) -> None:
+    if scene.plate.lattice == "module":
+        return
+    for key, value, needed in (
+        ("material.poisson_ratio", scene.material.poisson_ratio, 0.25),
+        ("material.fracture_areas", scene.material.fracture_areas, "derived"),
+        ("plate.stiffness", scene.plate.stiffness, "equation-2"),
+    ):
+        if value != needed:
+            raise refuse(key, value, f'must be {needed!r} with plate.lattice = "cubic-26"')
 
 
 def _check_disorder(scene: Scene) -> None:
@@ -346,6 +364,7 @@ def _check_vulkan(scene: Scene) -> None:
 
 CHECKS: tuple[Callable[[Scene], None], ...] = (
     _check_sides,
+    _check_lattice,
     _check_disorder,
     _check_clamp,
     _check_striker,

@@ -20,6 +20,13 @@ DIAGONAL_LENGTH = math.sqrt(3) / 2
 """Length of a diagonal bar over that of a longitudinal one."""
 
 
+FAMILY_NAMES = {
+    "module": ("longitudinal", "diagonal"),
+    "cubic-26": ("edge", "face diagonal", "cube diagonal"),
+}
+"""Bar families of each lattice, as messages name them."""
+
+
 def delta(poisson_ratio: float) -> float:
     """delta = 9 nu / (4 - 8 nu), below Eq. (1)."""
     return 9 * poisson_ratio / (4 - 8 * poisson_ratio)
@@ -52,6 +59,8 @@ def elastic_constants(
 ) -> tuple[float, float, float]:
     """C11, C12, C44 that the lattice really has, Pa (exactly isotropic for nu = 0.25 with Eq. (2)).
 
+    The lattice cubic-26, which is for nu = 0.25 only, has those of the isotropic solid, too.
+
     Per volume L^3 the lattice holds six longitudinal bars (two along each axis) and eight
     diagonals: C11 = 2 EA_l/L^2 + (8/9) (sqrt(3)/2) EA_d/L^2 and C12 = C44 = (8/9) (sqrt(3)/2)
     EA_d/L^2.
@@ -75,6 +84,39 @@ def fracture_areas(poisson_ratio: float, variant: str = "derived") -> tuple[floa
         return 4 / 22, 3 / 22
     c_a = 1 / (2 + 8 * delta(poisson_ratio) / math.sqrt(3))
     return c_a, 2 / math.sqrt(3) * delta(poisson_ratio) * c_a
+
+
+def _cubic_26_areas() -> tuple[float, ...]:
+    """Fracture areas of the three families over L^2 (see ``CUBIC_26_AREAS``)."""
+    face = 1 / math.sqrt(2) - 1 / math.sqrt(3)
+    return 2 / math.sqrt(3) - 1, face, 0.5 * (1 - 1 / math.sqrt(3)) - face
+
+
+CUBIC_26_AREAS = _cubic_26_areas()
+"""Fracture areas of edges, face and cube diagonals of the lattice cubic-26, over L^2.
+
+A bar family of vectors X crosses a plane of normal n |n.X| times per L^2. Flat cracks along (100),
+(110) and (111) then cost G_f if
+
+    A_1 + 4 A_2 + 4 A_3 = 1,   A_1 + 3 A_2 + 2 A_3 = 1/sqrt(2),   A_1 + 2 A_2 + 2 A_3 = 1/sqrt(3).
+"""
+
+
+def _cubic_26_stiffnesses() -> tuple[float, ...]:
+    """EA/L0 of the three families over E L (see ``CUBIC_26_STIFFNESSES``)."""
+    _, face, cube = CUBIC_26_AREAS
+    ratio = (cube / 3) / (face / 2)
+    two = 0.4 / (1 + 4 / 3 * ratio)
+    return 0.8 - two, two, ratio * two
+
+
+CUBIC_26_STIFFNESSES = _cubic_26_stiffnesses()
+"""EA/L0 of edges, face and cube diagonals of the lattice cubic-26, over E L, for nu = 1/4.
+
+C11 = k_1 + 2 k_2 + 4/3 k_3 and C12 = C44 = k_2 + 4/3 k_3 in units of E are 1.2 and 0.4 of the
+isotropic solid for k_1 + k_2 = 0.8 and k_2 + 4/3 k_3 = 0.4. The third condition is free: both
+families of diagonals have the same K_r, A_2 / (2 k_2) = A_3 / (3 k_3) (Eq. (12)).
+"""
 
 
 @dataclass(frozen=True)
@@ -110,12 +152,18 @@ class BarFamily:
         return 0.5 * self.axial_stiffness * self.peak_strain * self.limit_strain * self.length
 
 
-@dataclass(frozen=True)
-class Bars:
-    """The two bar families of a lattice."""
+class Bars(tuple[BarFamily, ...]):
+    """The bar families of a lattice, in the order of its unit cell's."""
 
-    longitudinal: BarFamily
-    diagonal: BarFamily
+    @property
+    def longitudinal(self) -> BarFamily:
+        """The bars along the edges of a module."""
+        return self[0]
+
+    @property
+    def diagonal(self) -> BarFamily:
+        """The shortest diagonals: those of the paper's module, from its centre to its corners."""
+        return self[1]
 
 
 def failure_strain(material: Material) -> float:
@@ -146,25 +194,33 @@ def bar_families(
     spacing: float,
     stiffness_variant: str = "equation-2",
     strengthening: float = 1.0,
+    lattice: str = "module",
 ) -> Bars:
-    """Both bar families of a lattice of module edge ``spacing`` (m), without judging K_r.
+    """The bar families of a lattice of module edge ``spacing`` (m), without judging K_r.
 
     With damage: K_r from Eq. (12), or from the scene's limit strain.
 
     Args:
         strengthening: mean eps_p of bars over the scene's.
+        lattice: name of its unit cell.
     """
-    nu = material.poisson_ratio
-    stiffness = axial_stiffness(material.youngs_modulus, nu, spacing, stiffness_variant)
-    lengths = (spacing, DIAGONAL_LENGTH * spacing)
+    nu, shares = material.poisson_ratio, CUBIC_26_AREAS
+    if lattice == "cubic-26":
+        lengths = tuple(math.sqrt(n) * spacing for n in (1, 2, 3))
+        stiffness = tuple(
+            k * material.youngs_modulus * spacing * length
+            for k, length in zip(CUBIC_26_STIFFNESSES, lengths, strict=True)
+        )
+    else:
+        lengths = (spacing, DIAGONAL_LENGTH * spacing)
+        stiffness = axial_stiffness(material.youngs_modulus, nu, spacing, stiffness_variant)
+        shares = fracture_areas(nu, material.fracture_areas)
     if not material.damage:
-        return Bars(*(BarFamily(ln, ea) for ln, ea in zip(lengths, stiffness, strict=True)))
+        return Bars(BarFamily(ln, ea) for ln, ea in zip(lengths, stiffness, strict=True))
     assert material.fracture_energy is not None  # the scene refuses damage without it
     eps_p = strengthening * failure_strain(material)
     families = []
-    for length, ea, share in zip(
-        lengths, stiffness, fracture_areas(nu, material.fracture_areas), strict=True
-    ):
+    for length, ea, share in zip(lengths, stiffness, shares, strict=True):
         area = share * spacing**2
         # Eq. (13), with A_i = EA_i / E; it grows with L^2 / L^2, so it does not depend on L
         critical = 2 * material.fracture_energy * area / (ea * eps_p**2)
@@ -173,4 +229,4 @@ def bar_families(
             limit = max(limit, eps_p)
         toughness = material.fracture_energy * area / (ea * length)
         families.append(BarFamily(length, ea, area, eps_p, limit, critical, toughness))
-    return Bars(*families)
+    return Bars(families)

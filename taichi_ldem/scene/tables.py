@@ -81,6 +81,11 @@ class Plate(Table):
         description="angle by which the specimen is turned in the lattice: from the lattice's x to"
         " side size[0], degrees; for scenario = 'tension' only. Notches turn with it",
     )
+    lattice: Literal["module", "cubic-26"] = Field(
+        default="module",
+        description="bars of a module: the paper's cube with a node at its centre, or a cube with"
+        " bars from its corners to all 26 neighbours, for poisson_ratio = 0.25 only",
+    )
     surface_weights: Flag = Field(
         default=True,
         description="whether bars on faces and edges of the prism carry 1/2 and 1/4 of a whole bar;"

@@ -86,14 +86,15 @@ def strength_by_volume(scene: Scene) -> float:
     """Mean eps_p of a bar over that of the tensile specimen (``disorder.reference_volume``).
 
     A specimen breaks where its weakest bar fails. In a volume V under tension along an axis, 2 V /
-    L^3 bars carry the stress, and the least of so many Weibull variates has the mean of one times
-    (2 V / L^3)^(-1 / gamma). So a bar is this factor's inverse as strong as the specimen
-    (Weibull 1939).
+    L^3 bars (V / L^3 in the lattice "cubic-26") carry the stress, and the least of so many Weibull
+    variates has the mean of one times (2 V / L^3)^(-1 / gamma). So a bar is this factor's
+    inverse as strong as the specimen (Weibull 1939).
     """
     disorder = scene.disorder
     if disorder is None or disorder.reference_volume is None or not scene.material.damage:
         return 1.0
     shape = shape_of(disorder, "strength")
     assert shape is not None  # the table refuses a volume without a strength that varies
-    bars = 2 * disorder.reference_volume / scene.plate.spacing**3
+    along_axis = {"module": 2, "cubic-26": 1}[scene.plate.lattice]
+    bars = along_axis * disorder.reference_volume / scene.plate.spacing**3
     return float(bars ** (1 / shape))

@@ -13,14 +13,6 @@ from typing import Any
 
 import taichi as ti
 
-from taichi_ldem.model.lattice import BAR_VECTORS, BARS_PER_SITE
-from taichi_ldem.model.topology import (
-    ENDS,
-    FAMILY,
-    INVERSE_LENGTH_SQUARED,
-    LENGTH_SQUARED,
-    STIFFNESS_KIND,
-)
 from taichi_ldem.solver.state import State
 
 ALL = None
@@ -51,7 +43,7 @@ class BarForces:
     def stiffness_of_lanes(self, bar: ti.template(), at: ti.template()):
         """EA/L0 of a bar in every lane, N/m; 0 where there is none."""
         k, j, m = at.k, at.j, at.m
-        kind = ti.static(STIFFNESS_KIND[bar])
+        kind = ti.static(self.state.cell.stiffness_kind[bar])
         whole = self.state.lane_entries(self.state.stiffness, self.state.code[k, j, m], kind)
         if ti.static(self.state.features.modulus):
             whole *= self.state.modulus[bar][k, j, m]
@@ -63,7 +55,7 @@ class BarForces:
     def stiffness(self, bar: ti.template(), at: ti.template(), lane):
         """EA/L0 of a bar in one lane, N/m; 0 where there is none."""
         k, j, m = at.k, at.j, at.m
-        kind = ti.static(STIFFNESS_KIND[bar])
+        kind = ti.static(self.state.cell.stiffness_kind[bar])
         whole = self.state.stiffness[int(self.state.code[k, j, m][lane])][kind]
         if ti.static(self.state.features.modulus):
             whole *= self.state.modulus[bar][k, j, m][lane]
@@ -77,11 +69,11 @@ class BarForces:
     ):
         """Component of the vector along a bar of a perturbed lattice at rest, in module edges."""
         k, j, m = at.k, at.j, at.m
-        first, second = ti.static(ENDS[bar])
+        first, second = ti.static(self.state.cell.ends[bar])
         a, b = ti.static(first[1], second[1])
         far = ti.static(self.state.offset[second[0]][axis])
         near = ti.static(self.state.offset[first[0]][axis])
-        along = ti.static(float(BAR_VECTORS[bar][axis]))
+        along = ti.static(float(self.state.cell.vectors[bar][axis]))
         if ti.static(_every(lane)):
             return along + (far[k + b[0], j + b[1], m + b[2]] - near[k + a[0], j + a[1], m + a[2]])
         else:
@@ -93,7 +85,7 @@ class BarForces:
     def square_of_length_ratio(self, bar: ti.template(), at: ti.template(), lane: ti.template()):
         """Square of a bar's length in the regular lattice over that in the perturbed one."""
         x, y, z = [self.perturbed_vector(bar, axis, at, lane) for axis in ti.static(range(3))]
-        return ti.static(LENGTH_SQUARED[bar]) / ((x * x + y * y) + z * z)
+        return ti.static(self.state.cell.length_squared[bar]) / ((x * x + y * y) + z * z)
 
     @ti.func
     def peak_strain(self, bar: ti.template(), at: ti.template(), lane, family):
@@ -116,7 +108,7 @@ class BarForces:
     ):
         """Displacement of a bar's second node less that of its first, along an axis, m."""
         now, k, j, m = step.now, at.k, at.j, at.m
-        first, second = ti.static(ENDS[bar])
+        first, second = ti.static(self.state.cell.ends[bar])
         a, b = ti.static(first[1], second[1])
         far = ti.static(self.state.displacement[second[0]][axis])
         near = ti.static(self.state.displacement[first[0]][axis])
@@ -139,7 +131,7 @@ class BarForces:
     ):
         """(2 X + d) d: the square of a bar's component along an axis less that at rest, m2."""
         d = self.relative_displacement(bar, axis, at, step, lane)
-        twice = ti.static(float(2 * BAR_VECTORS[bar][axis]))
+        twice = ti.static(float(2 * self.state.cell.vectors[bar][axis]))
         result = d * d
         if ti.static(self.state.features.perturbed):
             result = (d + (2 * step.spacing) * self.perturbed_vector(bar, axis, at, lane)) * d
@@ -161,7 +153,8 @@ class BarForces:
             self.square_difference(bar, x, at, step, lane)
             + self.square_difference(bar, y, at, step, lane)
         ) + self.square_difference(bar, z, at, step, lane)
-        result = square * (ti.static(INVERSE_LENGTH_SQUARED[bar]) / (step.spacing * step.spacing))
+        inverse = ti.static(1 / self.state.cell.length_squared[bar])
+        result = square * (inverse / (step.spacing * step.spacing))
         if ti.static(self.state.features.perturbed):
             result *= self.square_of_length_ratio(bar, at, lane)
         return result
@@ -176,7 +169,7 @@ class BarForces:
     @ti.func
     def failure(self, bar: ti.template()):
         """Peak strain over eps_p at which a bar fails."""
-        return self.state.softening[ti.static(FAMILY[bar])][0]
+        return self.state.softening[ti.static(self.state.cell.family[bar])][0]
 
     @ti.func
     def has_failed(self, bar: ti.template(), peak):
@@ -192,7 +185,7 @@ class BarForces:
 
         A bar is whole in compression until it fails, and with ``closing`` also afterwards.
         """
-        family = ti.static(FAMILY[bar])
+        family = ti.static(self.state.cell.family[bar])
         failure, parameter = self.state.softening[family][0], self.state.softening[family][1]
         share = 1.0
         if self.has_failed(bar, peak):
@@ -207,7 +200,7 @@ class BarForces:
     @ti.func
     def dissipated(self, bar: ti.template(), peak):
         """Energy that a bar has dissipated at a peak strain, in units of EA eps_p^2 L0."""
-        family = ti.static(FAMILY[bar])
+        family = ti.static(self.state.cell.family[bar])
         failure, parameter = self.state.softening[family][0], self.state.softening[family][1]
         energy = 0.0
         if peak >= failure:
@@ -238,7 +231,7 @@ class BarForces:
         """
         for lane in range(self.state.lanes.width):
             if (lanes >> lane) & 1:
-                for bar in ti.static(range(BARS_PER_SITE)):
+                for bar in ti.static(range(self.state.cell.bars)):
                     whole = self.state.axial[bar][at.strip, at.row, at.k, at.m][lane]
                     if self.may_soften(bar, whole, at, step, lane):
                         strain = self.strain(self.twice_green_strain(bar, at, step, lane))
@@ -288,19 +281,19 @@ class BarForces:
 
     @ti.func
     def column_forces(self, at: ti.template(), step: ti.template()):
-        """Store the axial force over current length of the fourteen bars of a column's sites.
+        """Store the axial force over current length of the bars of a column's sites.
 
         With r = l / L0 = sqrt(1 + q), EA/L0 (r - 1) / r = EA/L0 q / (r^2 + r).
         """
         k, j, m = at.k, at.j, at.m
-        force = ti.Matrix.zero(float, BARS_PER_SITE, self.state.lanes.width)
+        force = ti.Matrix.zero(float, self.state.cell.bars, self.state.lanes.width)
         # excess of the forces over that of a bar close to eps_p
         excess = ti.Vector.zero(float, self.state.lanes.width)
         least = step.peak_strain
         if ti.static(self.state.features.strength):
             least = step.peak_strain * self.state.weakest[k, j, m]
         allowed = CLOSE / (1 + 1 / least)
-        for bar in ti.static(range(BARS_PER_SITE)):
+        for bar in ti.static(range(self.state.cell.bars)):
             whole = self.stiffness_of_lanes(bar, at)
             q = self.twice_green_strain(bar, at, step, ALL)
             square = ti.max(1 + q, TINY)
@@ -310,7 +303,7 @@ class BarForces:
             if ti.static(self.state.features.damage):
                 excess = ti.max(excess, pull - whole * allowed)
         # all arithmetic before the first store: after it the compiler reloads every address
-        for bar in ti.static(range(BARS_PER_SITE)):
+        for bar in ti.static(range(self.state.cell.bars)):
             for lane in ti.static(range(self.state.lanes.width)):
                 self.state.axial[bar][at.strip, at.row, k, m][lane] = force[bar, lane]
         if ti.static(self.state.features.history):

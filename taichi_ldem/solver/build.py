@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from taichi_ldem.errors import SceneError
 from taichi_ldem.model import disorder
+from taichi_ldem.model.cell import CELLS
 from taichi_ldem.model.lattice import Lattice, cut_out, disc, dumbbell_half_width, prism
 from taichi_ldem.model.material import check
 from taichi_ldem.scene import Plate, Scene
@@ -26,7 +27,8 @@ def build_lattice(scene: Scene) -> Lattice:
     elif not plate.is_prism:
         mask = specimen_mask(plate)
     seed = plate.perturbation_seed
-    return Lattice(mask, plate.spacing, plate.surface_weights, plate.perturbation, seed)
+    cell = CELLS[plate.lattice]
+    return Lattice(mask, plate.spacing, plate.surface_weights, plate.perturbation, seed, cell)
 
 
 def specimen_mask(plate: Plate) -> npt.NDArray[np.bool_]:
@@ -118,6 +120,8 @@ def refill_dynamics(dynamics: Dynamics, scene: Scene, lattice: Lattice | None = 
         raise ValueError(
             f"plate: {lattice.modules} modules need other fields than {dynamics.lattice.modules}"
         )
+    if lattice.cell is not dynamics.cell:
+        raise ValueError(f"plate.lattice: {lattice.cell.name} needs other fields and kernels")
     for field in fields(Features):
         mine, other = getattr(dynamics.features, field.name), getattr(features, field.name)
         if mine != other:

@@ -10,9 +10,9 @@ small tables, so they never recompile anything; which features exist does.
 
 import taichi as ti
 
+from taichi_ldem.model.cell import CENTRE, CORNER
 from taichi_ldem.model.lattice import Lattice
 from taichi_ldem.model.material import Bars
-from taichi_ldem.model.topology import CENTRE, CORNER
 from taichi_ldem.solver.bars import BarForces
 from taichi_ldem.solver.exchange import Exchange
 from taichi_ldem.solver.fields import Features

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from taichi_ldem.model.lattice import BAR_VECTORS, DIAGONAL, Lattice
+from taichi_ldem.model.lattice import Lattice
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.dynamics import Dynamics
@@ -72,7 +72,7 @@ class Modes:
         frequencies: (n,) ascending, Hz; those of rigid motions are zero but for rounding.
         residuals: (n,) |K u - omega^2 M u| in the norm of 1/M over omega^2 |u| in that of M; for
             rigid motions omega is that of the first other mode.
-        shapes: (n, 2, *S, 3) displacements of all nodes, largest 1.
+        shapes: (n, sublattices, *S, 3) displacements of all nodes, largest 1.
         iterations: number of LOBPCG iterations.
     """
 
@@ -87,10 +87,10 @@ class TangentOperator:
 
     Args:
         dynamics: an elastic lattice in f64. Its displacements are overwritten.
-        fixed: flat numbers over (2, *S) of nodes that do not move.
+        fixed: flat numbers over (sublattices, *S) of nodes that do not move.
 
     Attributes:
-        nodes: (n,) flat numbers over (2, *S) of the free nodes, ascending.
+        nodes: (n,) flat numbers over (sublattices, *S) of the free nodes, ascending.
         root_mass: (n,) sqrt of their masses, sqrt(kg).
         size: 3 n.
         applied: number of vectors that K was applied to so far.
@@ -105,11 +105,11 @@ class TangentOperator:
         self.root_mass = np.sqrt(dynamics.masses().ravel()[self.nodes])
         self.size = 3 * len(self.nodes)
         self.applied = 0
-        self._motion = np.zeros((2, *lattice.sites, 3))
+        self._motion = np.zeros((lattice.cell.sublattices, *lattice.sites, 3))
         self._acceleration = np.zeros_like(self._motion)
 
     def spread(self, vector: Array) -> Array:
-        """(2, *S, 3) displacements of a vector, m; zero at nodes that are fixed or do not exist."""
+        """(sublattices, *S, 3) displacements of a vector, m; zero where no free node is."""
         motion = np.zeros_like(self._motion)
         motion.reshape(-1, 3)[self.nodes] = vector.reshape(-1, 3) / self.root_mass[:, None]
         return motion
@@ -159,33 +159,32 @@ def stiffness(dynamics: "Dynamics", basis: Any = None) -> Any:
     little, and it only preconditions.
 
     Args:
-        basis: sparse (2 prod(S), n) scalar functions of the nodes; None for the nodes themselves.
+        basis: sparse (sublattices * prod(S), n) scalar functions of the nodes; None for the nodes
+            themselves.
 
     Returns:
         sparse (3 n, 3 n): sum over the bars of k (n . du)(n . du), three components a function.
     """
     from scipy import sparse
 
-    lattice = dynamics.lattice
+    lattice, cell = dynamics.lattice, dynamics.cell
     sites = int(np.prod(lattice.sites))
     strides = np.array([lattice.sites[1] * lattice.sites[2], lattice.sites[2], 1])
     if basis is None:
-        basis = sparse.identity(2 * sites, format="csr")
+        basis = sparse.identity(cell.sublattices * sites, format="csr")
     kinds = dynamics.stiffness.to_numpy()[lattice.code.ravel()]
     removed = None
     if dynamics.features.notch:
         removed = dynamics.lanes.gather(dynamics.removed.to_numpy()).ravel()
     total = sparse.csr_matrix((3 * basis.shape[1],) * 2)
-    for bar, vector in enumerate(BAR_VECTORS):
-        k = kinds[:, min(bar, DIAGONAL.start)]
+    for bar, vector in enumerate(cell.vectors):
+        k = kinds[:, cell.stiffness_kind[bar]]
         if dynamics.features.modulus:
             k = k * dynamics.lanes.gather(dynamics.modulus[bar].to_numpy()).ravel()
         if removed is not None:
             k = np.where((removed >> bar) & 1, 0.0, k)
         at = np.flatnonzero(k)
-        offset = (vector + 0.5 * (bar >= DIAGONAL.start))[::-1].astype(int) @ strides
-        first = at + (bar >= 3) * sites
-        second = at + offset + (3 <= bar < DIAGONAL.start) * sites
+        first, second = (at + int(o @ strides) + s * sites for s, o in cell.ends[bar])
         difference = basis[second] - basis[first]
         product = difference.T @ difference.multiply(k[at, None]).tocsr()
         along = vector / np.linalg.norm(vector)
@@ -194,7 +193,7 @@ def stiffness(dynamics: "Dynamics", basis: Any = None) -> Any:
 
 
 def trilinear(lattice: Lattice, cell: int) -> Any:
-    """Functions of a coarse grid at all sites' nodes: sparse (2 prod(S), coarse nodes).
+    """Functions of a coarse grid at all sites' nodes: sparse (sublattices * prod(S), coarse nodes).
 
     Args:
         cell: edge of the coarse cells, modules.
@@ -204,7 +203,7 @@ def trilinear(lattice: Lattice, cell: int) -> Any:
     counts = [-(-n // cell) + 1 for n in lattice.modules]
     corner = [np.arange(n) - 1.0 for n in reversed(lattice.sites)]
     halves: list[Any] = []
-    for shift in (0.0, 0.5):
+    for shift in (0.0, 0.5)[: lattice.cell.sublattices]:
         one: Any = None
         for axis in (2, 1, 0):  # z outermost, as the sites
             place = np.clip((corner[axis] + shift) / cell, 0, counts[axis] - 1)

@@ -11,8 +11,6 @@ import numpy as np
 import numpy.typing as npt
 import taichi as ti
 
-from taichi_ldem.model.lattice import BARS_PER_SITE
-from taichi_ldem.model.topology import LENGTH_SQUARED
 from taichi_ldem.solver.bars import ALL
 from taichi_ldem.solver.dynamics import Dynamics
 from taichi_ldem.solver.lanes import HALO
@@ -112,7 +110,7 @@ class EnergySums:
         if ti.static(self.state.features.notch):
             if self.bars.is_removed(bar, at, lane):
                 whole = 0.0
-        length = step.spacing * ti.static(LENGTH_SQUARED[bar] ** 0.5)
+        length = step.spacing * ti.static(self.state.cell.length_squared[bar] ** 0.5)
         twice = ti.cast(whole, ti.f64) * length * length
         if ti.static(self.state.features.perturbed):
             # EA L0 is EA / L0 times the square of the bar's own length
@@ -141,7 +139,7 @@ class EnergySums:
                 begin = HALO + piece * piece_length
                 for m in range(begin, self.driver.piece_end(piece)):
                     at = ti.Struct(k=k, j=j, m=m)
-                    for bar in ti.static(range(BARS_PER_SITE)):
+                    for bar in ti.static(range(self.state.cell.bars)):
                         q = self.bars.twice_green_strain(bar, at, step, ALL)
                         strain = self.bars.strain(q)
                         for lane in range(self.state.lanes.width):

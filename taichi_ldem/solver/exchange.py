@@ -4,8 +4,6 @@ import numpy as np
 import numpy.typing as npt
 import taichi as ti
 
-from taichi_ldem.model.lattice import BARS_PER_SITE
-from taichi_ldem.model.topology import NODE_AXES, STIFFNESS_KIND
 from taichi_ldem.solver.bars import BarForces
 from taichi_ldem.solver.lanes import HALO
 from taichi_ldem.solver.nodes import NodeAccess
@@ -25,26 +23,26 @@ class Exchange:
 
     @ti.kernel
     def set_displacement(self, now: int, values: ti.types.ndarray()):
-        """Copy (2, nz + 3, ny + 3, nx + 3, 3) values into a buffer, m; ghosts must be zero."""
+        """Copy (sublattices, *S, 3) values into a buffer, m; ghosts must be zero."""
         for k, j, m in ti.ndrange(*self.state.shape):
             for lane in range(self.state.lanes.width):
-                for s, axis in ti.static(NODE_AXES):
+                for s, axis in ti.static(self.state.cell.node_axes):
                     value = ti.cast(values[s, k, j, self.access.site_of(m, lane), axis], float)
                     self.state.displacement[s][axis][now, k, j, m][lane] = value
 
     @ti.kernel
     def get_displacement(self, now: int, values: ti.types.ndarray()):
-        """Copy a buffer into (2, nz + 3, ny + 3, nx + 3, 3) values, m; ghosts are left."""
+        """Copy a buffer into (sublattices, *S, 3) values, m; ghosts are left."""
         for k, j, i in ti.ndrange(*[(1, n - 1) for n in ti.static(self.state.sites)]):
             m, lane = self.access.column_of(i)
-            for s, axis in ti.static(NODE_AXES):
+            for s, axis in ti.static(self.state.cell.node_axes):
                 values[s, k, j, i, axis] = self.state.displacement[s][axis][now, k, j, m][lane]
 
     @ti.kernel
     def _set_velocity(self, values: ti.types.ndarray()):
         for k, j, m in ti.ndrange(*self.state.shape):
             for lane in range(self.state.lanes.width):
-                for s, axis in ti.static(NODE_AXES):
+                for s, axis in ti.static(self.state.cell.node_axes):
                     value = ti.cast(values[s, k, j, self.access.site_of(m, lane), axis], float)
                     self.state.velocity[s][axis][k, j, m][lane] = value
 
@@ -52,23 +50,24 @@ class Exchange:
     def _get_velocity(self, values: ti.types.ndarray()):
         for k, j, i in ti.ndrange(*[(1, n - 1) for n in ti.static(self.state.sites)]):
             m, lane = self.access.column_of(i)
-            for s, axis in ti.static(NODE_AXES):
+            for s, axis in ti.static(self.state.cell.node_axes):
                 values[s, k, j, i, axis] = self.state.velocity[s][axis][k, j, m][lane]
 
     def set_velocity(self, values: npt.NDArray[np.float64]) -> None:
-        """Set all velocities from (2, nz + 3, ny + 3, nx + 3, 3) values, m/s; ghosts zero."""
+        """Set all velocities from (sublattices, *S, 3) values, m/s; ghosts zero."""
         self._set_velocity(np.ascontiguousarray(values, dtype=np.float64))
 
     def get_velocity(
         self, values: npt.NDArray[np.float64] | None = None
     ) -> npt.NDArray[np.float64]:
-        """(2, nz + 3, ny + 3, nx + 3, 3) velocities of all nodes, m/s, put into ``values``."""
-        values = np.zeros((2, *self.state.sites, 3)) if values is None else values
+        """(sublattices, *S, 3) velocities of all nodes, m/s, put into ``values``."""
+        if values is None:
+            values = np.zeros((self.state.cell.sublattices, *self.state.sites, 3))
         self._get_velocity(values)
         return values
 
     def get_acceleration(self, now: int) -> npt.NDArray[np.float64]:
-        """(2, nz + 3, ny + 3, nx + 3, 3) M^-1 F of the bar forces at a buffer's displacement, m/s2.
+        """(sublattices, *S, 3) M^-1 F of the bar forces at a buffer's displacement, m/s2.
 
         A step of one second from rest evaluates it, so it is the run's own operator.
         The history of the bars is updated; the other buffer becomes a copy of this one.
@@ -81,7 +80,7 @@ class Exchange:
         return acceleration
 
     def get_force(self, now: int) -> npt.NDArray[np.float64]:
-        """(2, nz + 3, ny + 3, nx + 3, 3) sum of the bar forces on all nodes, N.
+        """(sublattices, *S, 3) sum of the bar forces on all nodes, N.
 
         It has the side effects of ``get_acceleration``.
         """
@@ -103,8 +102,8 @@ class Exchange:
         k, j, m = at.k, at.j, at.m
         recorded = int(self.state.recorded[k, j, m][lane])
         whole = self.state.stiffness[int(self.state.code[k, j, m][lane])]
-        for bar in ti.static(range(BARS_PER_SITE)):
-            broken = whole[ti.static(STIFFNESS_KIND[bar])] > 0
+        for bar in ti.static(range(self.state.cell.bars)):
+            broken = whole[ti.static(self.state.cell.stiffness_kind[bar])] > 0
             broken &= self.bars.has_failed(bar, self.state.peak[bar][k, j, m][lane])
             if broken and (recorded >> bar) & 1 == 0:
                 place = ti.atomic_add(count[0], 1)

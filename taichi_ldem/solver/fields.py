@@ -14,8 +14,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from taichi_ldem.model.cell import MODULE, UnitCell
 from taichi_ldem.model.disorder import varies
-from taichi_ldem.model.lattice import BARS_PER_SITE
 from taichi_ldem.scene import DISORDERED, Scene
 from taichi_ldem.solver.lanes import Lanes
 
@@ -182,6 +182,7 @@ class Layout:
             each pass is a launch over all columns (GPU).
         strips: number of strips; 1 where the step is not driven in strips.
         lanes: how a row is cut into columns of several sites.
+        cell: the bars of a site.
     """
 
     sites: tuple[int, int, int]
@@ -189,22 +190,33 @@ class Layout:
     in_strips: bool
     strips: int
     lanes: Lanes
+    cell: UnitCell = MODULE
 
     @classmethod
     def fitting(
-        cls, sites: tuple[int, int, int], real_bytes: int, in_strips: bool, threads: int
+        cls,
+        sites: tuple[int, int, int],
+        real_bytes: int,
+        in_strips: bool,
+        threads: int,
+        cell: UnitCell = MODULE,
     ) -> "Layout":
         """The layout that suits so many threads."""
         _, ny, nx = sites
         if not in_strips:
-            return cls(sites, real_bytes, False, 1, Lanes(nx))
+            return cls(sites, real_bytes, False, 1, Lanes(nx), cell)
         strips = max(1, min(STRIPS_PER_THREAD * threads, (ny - 2) // ROWS_PER_STRIP))
-        return cls(sites, real_bytes, True, strips, Lanes.fitting(nx, real_bytes))
+        return cls(sites, real_bytes, True, strips, Lanes.fitting(nx, real_bytes), cell)
 
     @property
     def shape(self) -> tuple[int, int, int]:
         """Shape of a field of columns: (nz + 3, ny + 3, columns)."""
         return *self.sites[:2], self.lanes.columns
+
+    def members(self, name: str) -> tuple[int, ...]:
+        """Numbers of fields of a name: one, or one for each bar, sublattice, or axis of each."""
+        nodes = self.cell.sublattices
+        return {"": (), "bar": (self.cell.bars,), "node": (nodes,), "node axis": (nodes, 3)}[name]
 
     @property
     def bar_rows(self) -> int:
@@ -228,13 +240,8 @@ REAL = "real"
 LANES = -1
 """In place of a number of components: one for each lane."""
 
-MEMBERS: dict[str, tuple[int, ...]] = {
-    "": (),
-    "bar": (BARS_PER_SITE,),
-    "node": (2,),
-    "node axis": (2, 3),
-}
-"""Fields of a name: a single one, or one for each bar, sublattice, or axis of each sublattice."""
+NODES, KINDS = -2, -3
+"""In place of a number of components: one for each sublattice, or each kind of stiffness."""
 
 BYTES = {"u8": 1, "u16": 2, "i32": 4, "f64": 8}
 
@@ -248,9 +255,9 @@ class Row:
         meaning: meaning of its values.
         unit: of its values; "" for bits and ratios.
         shape: of each of its fields, for a layout.
-        members: a key of MEMBERS.
+        members: what it has a field for each of (``Layout.members``).
         kind: type of its numbers: REAL (Taichi's default float), "u8", "u16" or "f64".
-        numbers: components of an element: LANES, a number, or 0 for a scalar.
+        numbers: components of an element: LANES, NODES, KINDS, a number, or 0 for a scalar.
         present: whether the lattice has it.
         evolves: whether it carries the state from one step to the next, so that a checkpoint must
             hold it.
@@ -273,9 +280,18 @@ class Row:
 
     def bytes(self, layout: Layout) -> int:
         """Bytes of all its fields."""
-        numbers = layout.lanes.width if self.numbers == LANES else max(1, self.numbers)
+        numbers = max(1, self.components(layout))
         size = layout.real_bytes if self.kind == REAL else BYTES[self.kind]
-        return math.prod((*MEMBERS[self.members], *self.shape(layout), numbers, size))
+        return math.prod((*layout.members(self.members), *self.shape(layout), numbers, size))
+
+    def components(self, layout: Layout) -> int:
+        """Numbers of an element; 0 for a scalar."""
+        of_layout = {
+            LANES: layout.lanes.width,
+            NODES: layout.cell.sublattices,
+            KINDS: layout.cell.stiffness_kinds,
+        }
+        return of_layout.get(self.numbers, self.numbers)
 
 
 def _columns(layout: Layout) -> tuple[int, ...]:
@@ -309,8 +325,8 @@ def _codes(_: Layout) -> tuple[int, ...]:
     return (256,)
 
 
-def _families(_: Layout) -> tuple[int, ...]:
-    return (2,)
+def _families(layout: Layout) -> tuple[int, ...]:
+    return (layout.cell.families,)
 
 
 def _damage(features: Features, _: Layout) -> bool:
@@ -341,9 +357,11 @@ FIELDS = (
     Row("node_sums", "kinetic energy at t_n and energy lost by damping, of the last measured step; "
         "a sum for each row j, or on a GPU for each piece of a row (j, k)", "J", _node_sums,
         kind="f64", numbers=2),
-    Row("stiffness", "EA/L0 by site byte and kind of bar", "N/m", _codes, numbers=7),
-    Row("mass", "mass by site byte and sublattice", "kg", _codes, numbers=2),
-    Row("inverse_mass", "1/mass by site byte and sublattice", "1/kg", _codes, numbers=2),
+    Row("stiffness", "EA/L0 by site byte and kind of bar", "N/m", _codes,
+        numbers=KINDS),
+    Row("mass", "mass by site byte and sublattice", "kg", _codes, numbers=NODES),
+    Row("inverse_mass", "1/mass by site byte and sublattice", "1/kg", _codes,
+        numbers=NODES),
     Row("touched", "a bit for each lane where a bar has passed its eps_p or was removed: only there"
         " is a bar more than elastic", "", _columns, kind="u8", numbers=0, present=_history),
     Row("peak", "largest strain of a bar so far over its eps_p", "", _columns, "bar",

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from taichi_ldem.model.topology import CORNER
+from taichi_ldem.model.cell import CORNER
 from taichi_ldem.solver.dynamics import Dynamics
 from taichi_ldem.solver.state import field_apart
 
@@ -44,7 +44,7 @@ class Gauge:
         turn = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
         along, across = turn @ lattice.grid()[..., :2].reshape(-1, 2).T
         mass = self.dynamics.masses().ravel()
-        corner = (mass > 0) & (np.arange(len(mass)) < len(mass) // 2)
+        corner = (mass > 0) & (np.arange(len(mass)) < math.prod(lattice.sites))
         half_band = (0.5 + 1e-6) * spacing
         middle = corner & (np.abs(along) <= 0.5 * length + 1e-6 * spacing)
         side = np.abs(across[middle]).max()
@@ -59,15 +59,16 @@ class Gauge:
         self.nodes.from_numpy(number.astype(np.int32))
         self._means = np.array([share / share.sum() for share in shares])
         self._turn = turn
-        self.section = self._section(along, length)
+        self.section = self._section(turn, length)
         along, across = turn @ lattice.positions()[..., :2].reshape(-1, 2).T
         self.length = float((self._means[1] - self._means[0]) @ along[number])
         self.width = float((self._means[3] - self._means[2]) @ across[number])
 
-    def _section(self, along: np.ndarray, length: float) -> float:
+    def _section(self, turn: np.ndarray, length: float) -> float:
         """Volume over length of the planes of modules whose centres are in the gauge length, m2."""
         lattice = self.dynamics.lattice
-        centres = along.reshape(2, -1)[1][lattice.exists()[1].ravel()]
+        corners = lattice.grid()[CORNER, 1:-2, 1:-2, 1:-2][lattice.mask]
+        centres = (corners[:, :2] + 0.5 * lattice.spacing) @ turn[0]
         inside = centres[np.abs(centres) <= 0.5 * length]
         step = 1e-6 * lattice.spacing
         planes = np.unique(np.rint(inside / step))

@@ -11,9 +11,19 @@ sites at j - 1, j and j + 1.
 
 import taichi as ti
 
-from taichi_ldem.model.topology import CENTRE, CORNER, LEVERS, NEIGHBOURS, NODE_AXES, SCALARS
+from taichi_ldem.model.cell import CENTRE, CORNER
 from taichi_ldem.solver.lanes import HALO
 from taichi_ldem.solver.state import State
+
+
+@ti.func
+def in_pairs(values: ti.template()):
+    """Sum of a list: of halves, the first of which has a power of two of its values."""
+    half = ti.static((1 << (len(values) - 1).bit_length()) // 2)
+    if ti.static(half == 0):
+        return values[0]
+    else:
+        return in_pairs(values[:half]) + in_pairs(values[half:])
 
 
 @ti.data_oriented
@@ -54,27 +64,19 @@ class NodeUpdate:
         """
         a = [
             self.state.axial[bar][at.strip, rows[home[1] + 1], at.k + home[0], at.m + home[2]]
-            for bar, home in ti.static(SCALARS[s])
+            for bar, home in ti.static(self.state.cell.scalars[s])
         ]
         u = [
             self.displacement_from_grid(other, axis, at, there, step)
-            for other, there in ti.static(NEIGHBOURS[s])
+            for other, there in ti.static(self.state.cell.neighbours[s])
         ]
-        pulls = ((a[0] * u[0] + a[1] * u[1]) + (a[2] * u[2] + a[3] * u[3])) + (
-            (a[4] * u[4] + a[5] * u[5]) + (a[6] * u[6] + a[7] * u[7])
-        )
-        pulls += ((a[8] * u[8] + a[9] * u[9]) + (a[10] * u[10] + a[11] * u[11])) + (
-            a[12] * u[12] + a[13] * u[13]
-        )
-        total = ((a[0] + a[1]) + (a[2] + a[3])) + ((a[4] + a[5]) + (a[6] + a[7]))
-        total += ((a[8] + a[9]) + (a[10] + a[11])) + (a[12] + a[13])
-        p, q = ti.static(LEVERS[axis])
-        lever = ((a[p[0]] - a[q[0]]) + (a[p[1]] - a[q[1]])) + (
-            (a[p[2]] - a[q[2]]) + (a[p[3]] - a[q[3]])
-        )
+        ups, downs = ti.static(self.state.cell.levers[s][axis])
+        pulls = in_pairs([scalar * far for scalar, far in ti.static(zip(a, u, strict=True))])
+        lever = in_pairs([a[p] - a[q] for p, q in ti.static(zip(ups, downs, strict=True))])
         edges = a[ti.static(2 * axis)] - a[ti.static(2 * axis + 1)]
         here = self.displacement_from_grid(s, axis, at, (0, 0, 0), step)
-        return pulls + (step.spacing * (edges + ti.static(s - 0.5) * lever) - total * here)
+        whole = edges + ti.static(self.state.cell.reach) * lever
+        return pulls + (step.spacing * whole - in_pairs(a) * here)
 
     @ti.func
     def free_velocity(
@@ -100,7 +102,7 @@ class NodeUpdate:
         """
         k, j, m = at.k, at.j, at.m
         sums = ti.Vector.zero(ti.f64, 2)
-        for s in ti.static((CORNER, CENTRE)):
+        for s in ti.static(range(self.state.cell.sublattices)):
             for axis in ti.static(range(3)):
                 after = self.free_velocity(s, axis, rows, at, step)
                 if ti.static(measure or self.state.features.damping):
@@ -122,7 +124,7 @@ class NodeUpdate:
     @ti.func
     def store_velocities(self, strip, k, j, m):
         """Keep a column's velocities for ``column_energies``."""
-        for s, axis in ti.static(NODE_AXES):
+        for s, axis in ti.static(self.state.cell.node_axes):
             self.state.velocity_before[s][axis][strip, k, m] = self.state.velocity[s][axis][k, j, m]
 
     @ti.func
@@ -133,7 +135,7 @@ class NodeUpdate:
         """
         k, j, m = at.k, at.j, at.m
         sums = ti.Vector.zero(ti.f64, 2)
-        for s in ti.static((CORNER, CENTRE)):
+        for s in ti.static(range(self.state.cell.sublattices)):
             for axis in ti.static(range(3)):
                 before = self.state.velocity_before[s][axis][at.strip, k, m]
                 after = self.state.velocity[s][axis][k, j, m]
@@ -184,12 +186,12 @@ class NodeUpdate:
         """Copy a column's displacement to the columns that repeat it for another lane."""
         length, width = ti.static(self.state.lanes.length, self.state.lanes.width)
         if m < 2 * HALO:
-            for s, axis in ti.static(NODE_AXES):
+            for s, axis in ti.static(self.state.cell.node_axes):
                 u = ti.static(self.state.displacement[s][axis])
                 for lane in ti.static(range(1, width)):
                     u[buffer, k, j, m + length][lane - 1] = u[buffer, k, j, m][lane]
         if m >= length:
-            for s, axis in ti.static(NODE_AXES):
+            for s, axis in ti.static(self.state.cell.node_axes):
                 u = ti.static(self.state.displacement[s][axis])
                 for lane in ti.static(range(width - 1)):
                     u[buffer, k, j, m - length][lane + 1] = u[buffer, k, j, m][lane]
@@ -220,11 +222,12 @@ class NodeAccess:
         m, lane = self.column_of(i)
         mass = self.state.mass[int(self.state.code[k, j, m][lane])]
         if ti.static(self.state.features.density):
-            for sublattice in ti.static((CORNER, CENTRE)):
+            for sublattice in ti.static(range(self.state.cell.sublattices)):
                 mass[sublattice] = self.state.own_mass[sublattice][k, j, m][lane]
         chosen = mass[CORNER]
-        if s == CENTRE:
-            chosen = mass[CENTRE]
+        if ti.static(self.state.cell.sublattices > 1):
+            if s == CENTRE:
+                chosen = mass[CENTRE]
         return chosen
 
     @ti.func
@@ -232,7 +235,7 @@ class NodeAccess:
         """Displacement of a node, m."""
         m, lane = self.column_of(i)
         u = ti.Vector.zero(float, 3)
-        for sublattice, axis in ti.static(NODE_AXES):
+        for sublattice, axis in ti.static(self.state.cell.node_axes):
             if s == sublattice:
                 u[axis] = self.state.displacement[sublattice][axis][now, k, j, m][lane]
         return u
@@ -243,7 +246,7 @@ class NodeAccess:
         m, lane = self.column_of(i)
         offset = ti.Vector.zero(ti.f64, 3)
         if ti.static(self.state.features.perturbed):
-            for sublattice, axis in ti.static(NODE_AXES):
+            for sublattice, axis in ti.static(self.state.cell.node_axes):
                 if s == sublattice:
                     own = self.state.offset[sublattice][axis][k, j, m][lane]
                     offset[axis] = ti.cast(own, ti.f64)
@@ -254,7 +257,7 @@ class NodeAccess:
         """Velocity of a node, m/s."""
         m, lane = self.column_of(i)
         v = ti.Vector.zero(float, 3)
-        for sublattice, axis in ti.static(NODE_AXES):
+        for sublattice, axis in ti.static(self.state.cell.node_axes):
             if s == sublattice:
                 v[axis] = self.state.velocity[sublattice][axis][k, j, m][lane]
         return v
@@ -264,7 +267,7 @@ class NodeAccess:
         """Set a node's displacement (m) and velocity (m/s)."""
         m, lane = self.column_of(i)
         length, width = ti.static(self.state.lanes.length, self.state.lanes.width)
-        for sublattice, axis in ti.static(NODE_AXES):
+        for sublattice, axis in ti.static(self.state.cell.node_axes):
             if s == sublattice:
                 self.state.velocity[sublattice][axis][k, j, m][lane] = velocity[axis]
                 u = ti.static(self.state.displacement[sublattice][axis])
@@ -278,7 +281,7 @@ class NodeAccess:
     def add_damping_loss(self, s, k, j, i, energy):
         """Add to the energy that a node has lost by damping, J."""
         m, lane = self.column_of(i)
-        for sublattice in ti.static((CORNER, CENTRE)):
+        for sublattice in ti.static(range(self.state.cell.sublattices)):
             if s == sublattice:
                 loss = self.state.damped[sublattice][k, j, m][lane] + energy
                 self.state.damped[sublattice][k, j, m][lane] = loss

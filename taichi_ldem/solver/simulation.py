@@ -217,7 +217,7 @@ class Simulation:
     def start_from(
         self, displacement: npt.NDArray[np.float64], velocity: npt.NDArray[np.float64]
     ) -> None:
-        """Set the state at t = 0: (2, *S, 3) arrays, corner then centre, m and m/s."""
+        """Set the state at t = 0: (sublattices, *S, 3) arrays, corner then centre, m and m/s."""
         dynamics = self.dynamics
         dynamics.set_displacement(self.now, np.ascontiguousarray(displacement, dtype=np.float64))
         dynamics.set_velocity(velocity)
@@ -392,31 +392,25 @@ class Simulation:
         return float(sums[LOSS_BEFORE] + sums[LOSS_AFTER])
 
     def displacement(self) -> npt.NDArray[np.float64]:
-        """(2, *S, 3) displacement of all nodes at ``time``, corner then centre, m."""
+        """(sublattices, *S, 3) displacement of all nodes at ``time``, corner then centre, m."""
         return self._displacement(self.now)
 
     def displacement_before(self) -> npt.NDArray[np.float64]:
-        """(2, *S, 3) displacement one step before ``time``: that of a sample just taken, m."""
+        """(sublattices, *S, 3) displacement one step before ``time``: that of a new sample, m."""
         return self._displacement(1 - self.now)
 
     def _displacement(self, buffer: int) -> npt.NDArray[np.float64]:
-        values = np.zeros((2, *self.dynamics.sites, 3))
+        values = np.zeros((self.dynamics.cell.sublattices, *self.dynamics.sites, 3))
         self.dynamics.get_displacement(buffer, values)
         return values
 
     def broken_fraction(self) -> npt.NDArray[np.float64]:
-        """(nz, ny, nx) share of each module's twenty bars (Fig. 1(a)) reported broken."""
+        """(nz, ny, nx) share of each module's bars reported broken; twenty in Fig. 1(a)."""
         nz, ny, nx = self.dynamics.lattice.mask.shape
         recorded = self.dynamics.recorded_bits()
-
-        def broken(bar: int, dz: int = 0, dy: int = 0, dx: int = 0) -> npt.NDArray[np.int64]:
-            at = recorded[1 + dz : 1 + dz + nz, 1 + dy : 1 + dy + ny, 1 + dx : 1 + dx + nx]
-            return (at >> bar & 1).astype(np.int64)
-
+        bars = self.dynamics.cell.of_module
         count = np.zeros(self.dynamics.lattice.mask.shape, dtype=np.int64)
-        for bar in range(6, 14):
-            count += broken(bar)
-        for a in (0, 1):
-            for b in (0, 1):
-                count += broken(0, a, b, 0) + broken(1, a, 0, b) + broken(2, 0, a, b)
-        return count / 20
+        for bar, (dz, dy, dx) in bars:
+            at = recorded[1 + dz : 1 + dz + nz, 1 + dy : 1 + dy + ny, 1 + dx : 1 + dx + nx]
+            count += at >> bar & 1
+        return count / len(bars)

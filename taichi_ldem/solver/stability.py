@@ -11,8 +11,6 @@ import numpy as np
 import numpy.typing as npt
 import taichi as ti
 
-from taichi_ldem.model.lattice import BAR_VECTORS, BARS_PER_SITE, bar_weights
-from taichi_ldem.model.topology import ENDS, FAMILY, NODE_AXES
 from taichi_ldem.solver.dynamics import Dynamics
 from taichi_ldem.solver.lanes import HALO
 from taichi_ldem.solver.state import field_apart
@@ -66,7 +64,7 @@ class Lanczos:
         nz, ny, nx = ti.static(self.dynamics.sites)
         owned = ti.static((HALO, HALO + self.dynamics.lanes.length))
         for k, j, m in ti.ndrange((1, nz - 1), (1, ny - 1), owned):
-            for s, axis in ti.static(NODE_AXES):
+            for s, axis in ti.static(self.dynamics.cell.node_axes):
                 inverse = self.dynamics.lane_inverse_masses(s, k, j, m)
                 vector = ti.Vector.zero(float, self.dynamics.lanes.width)
                 for lane in ti.static(range(self.dynamics.lanes.width)):
@@ -84,7 +82,7 @@ class Lanczos:
             sums = ti.Vector.zero(ti.f64, 2)
             begin = HALO + piece * self.dynamics.layout.piece
             for m in range(begin, self.dynamics.driver.piece_end(piece)):
-                for s, axis in ti.static(NODE_AXES):
+                for s, axis in ti.static(self.dynamics.cell.node_axes):
                     mass = self.dynamics.lane_masses(s, k, j, m)
                     u = self.dynamics.displacement[s][axis][0, k, j, m]
                     v = self.dynamics.velocity[s][axis][k, j, m]
@@ -106,7 +104,7 @@ class Lanczos:
         nz, ny = ti.static(self.dynamics.sites[:2])
         owned = ti.static((HALO, HALO + self.dynamics.lanes.length))
         for k, j, m in ti.ndrange((1, nz - 1), (1, ny - 1), owned):
-            for s, axis in ti.static(NODE_AXES):
+            for s, axis in ti.static(self.dynamics.cell.node_axes):
                 u = self.dynamics.displacement[s][axis][0, k, j, m]
                 v = self.dynamics.velocity[s][axis][k, j, m]
                 self.dynamics.displacement[s][axis][0, k, j, m] = p * u + q * v
@@ -179,29 +177,29 @@ def largest_strains(
     """Largest and smallest strain of the bars that are not broken.
 
     Args:
-        displacement: (2, *S, 3), m.
+        displacement: (sublattices, *S, 3), m.
 
     Returns:
         NaN where a position is not finite; (0, 0) where all bars are broken.
     """
-    lattice, features = dynamics.lattice, dynamics.features
-    carries = bar_weights(False)[lattice.code] > 0
+    lattice, features, cell = dynamics.lattice, dynamics.features, dynamics.cell
+    carries = lattice.bar_exists()
     if features.notch:
         removed = dynamics.lanes.gather(dynamics.removed.to_numpy())
-        carries &= (removed[..., None] >> np.arange(BARS_PER_SITE) & 1) == 0
+        carries &= (removed[..., None] >> np.arange(cell.bars) & 1) == 0
     if features.damage:
         failure = dynamics.softening.to_numpy()[:, 0]
         for bar, field in enumerate(dynamics.peak):
             peak = dynamics.lanes.gather(field.to_numpy())
-            carries[..., bar] &= (peak >= 0) & (peak < failure[FAMILY[bar]])
+            carries[..., bar] &= (peak >= 0) & (peak < failure[cell.family[bar]])
     extremes = [0.0]
-    for bar, ends in enumerate(ENDS):
+    for bar, ends in enumerate(cell.ends):
         if carries[..., bar].any():
             first, second = (
                 np.roll(displacement[kind], [-n for n in offset], axis=(0, 1, 2))
                 for kind, offset in ends
             )
-            rest = BAR_VECTORS[bar] * lattice.spacing
+            rest = cell.vectors[bar] * lattice.spacing
             with np.errstate(over="ignore", invalid="ignore"):
                 length = np.linalg.norm(second - first + rest, axis=-1)[carries[..., bar]]
             strain = length / np.linalg.norm(rest) - 1

@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 import taichi as ti
 
-from taichi_ldem.model.lattice import LONGITUDINAL, Lattice, bar_weights, node_masses
+from taichi_ldem.model.cell import CENTRE
+from taichi_ldem.model.lattice import Lattice
 from taichi_ldem.model.material import Bars
-from taichi_ldem.model.topology import NODE_AXES
-from taichi_ldem.solver.fields import FIELDS, LANES, MEMBERS, REAL, Features, Layout, Row, rows
+from taichi_ldem.solver.fields import FIELDS, REAL, Features, Layout, Row, rows
 from taichi_ldem.solver.laws import law_named
 
 EVOLVING = tuple(row.name for row in FIELDS if row.evolves and row.name != "displacement")
@@ -65,7 +65,7 @@ def numpy_float() -> type[np.floating]:
 def _allocate(row: Row, layout: Layout) -> Any:
     """The field of a row, or nested lists of its fields."""
     shape = row.shape(layout)
-    numbers = layout.lanes.width if row.numbers == LANES else row.numbers
+    numbers = row.components(layout)
 
     def one() -> ti.Field:
         if row.kind != REAL:
@@ -77,7 +77,7 @@ def _allocate(row: Row, layout: Layout) -> Any:
     def nested(counts: tuple[int, ...]) -> Any:
         return [nested(counts[1:]) for _ in range(counts[0])] if counts else one()
 
-    return nested(MEMBERS[row.members])
+    return nested(layout.members(row.members))
 
 
 def _lane_bits(lanes: npt.NDArray[np.bool_]) -> npt.NDArray[np.uint8]:
@@ -91,7 +91,7 @@ class State:
     """All fields of a lattice.
 
     Attributes:
-        lattice, features, layout: those that the fields were built for.
+        lattice, features, layout: those that the fields were built for; cell: the lattice's.
         sites, lanes, shape, in_strips: those of the layout.
         on_cpu: whether Taichi runs on the CPU.
         law: the softening law; None without damage.
@@ -129,7 +129,7 @@ class State:
 
     def __init__(self, lattice: Lattice, features: Features, in_strips: bool | None = None):
         """``in_strips``: whether the passes are driven in strips; None: as suits the backend."""
-        self.lattice, self.features = lattice, features
+        self.lattice, self.features, self.cell = lattice, features, lattice.cell
         config = ti.lang.impl.current_cfg()
         self.on_cpu = config.arch in (ti.x64, ti.arm64)
         self.layout = Layout.fitting(
@@ -137,6 +137,7 @@ class State:
             np.dtype(numpy_float()).itemsize,
             self.on_cpu if in_strips is None else in_strips,
             config.cpu_max_num_threads,
+            lattice.cell,
         )
         self.sites, self.lanes, self.shape = self.layout.sites, self.layout.lanes, self.layout.shape
         self.in_strips = self.layout.in_strips
@@ -171,7 +172,7 @@ class State:
         field.from_numpy(self.lanes.spread(values).astype(numpy_float()))
 
     def _fill_bars(self, bars: list[ti.MatrixField], values: npt.NDArray[np.float64]) -> None:
-        """Fill the fields of the fourteen bars from (nz + 3, ny + 3, nx + 3, 14) values."""
+        """Fill the fields of bars from (nz + 3, ny + 3, nx + 3, bars) values."""
         for bar, field in enumerate(bars):
             self._fill(field, np.ascontiguousarray(values[..., bar]))
 
@@ -181,33 +182,35 @@ class State:
         self.code.from_numpy(self.lanes.spread(lattice.code))
         if self.features.perturbed:
             assert lattice.offsets is not None
-            for s, axis in NODE_AXES:
+            for s, axis in self.cell.node_axes:
                 self._fill(self.offset[s][axis], lattice.offsets[s, ..., axis] / lattice.spacing)
 
     def set_bars(self, bars: Bars) -> None:
         """Fill the tables of stiffness EA/L per site byte (N/m) and of the law's parameters."""
-        stiff = bar_weights(self.lattice.surface_weights)[:, :7]
-        stiff[:, LONGITUDINAL] *= bars.longitudinal.axial_stiffness / bars.longitudinal.length
-        stiff[:, 6] *= bars.diagonal.axial_stiffness / bars.diagonal.length
+        weights = self.cell.weights(self.lattice.surface_weights)
+        stiff = np.zeros((256, self.cell.stiffness_kinds))
+        for bar, kind in enumerate(self.cell.stiffness_kind):
+            family = bars[self.cell.family[bar]]
+            stiff[:, kind] = weights[:, bar] * (family.axial_stiffness / family.length)
         self.stiffness.from_numpy(stiff.astype(numpy_float()))
-        self.peak_strain = bars.longitudinal.peak_strain
+        self.peak_strain = bars[0].peak_strain
         if self.law is not None:
-            table = [self.law.parameters(f.ductility) for f in (bars.longitudinal, bars.diagonal)]
+            table = [self.law.parameters(family.ductility) for family in bars]
             self.softening.from_numpy(np.array(table, dtype=numpy_float()))
         if self.features.crack:
-            costs = [bars.longitudinal.toughness, bars.diagonal.toughness]
+            costs = [family.toughness for family in bars]
             self.toughness.from_numpy(np.array(costs, dtype=numpy_float()))
 
     def set_density(self, density: float) -> None:
         """Fill the tables of node masses per site byte, kg, from a density in kg/m3."""
-        mass = node_masses() * density * self.lattice.spacing**3
+        mass = self.cell.node_shares * density * self.lattice.spacing**3
         inverse = np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0)
         self.mass.from_numpy(mass.astype(numpy_float()))
         self.inverse_mass.from_numpy(inverse.astype(numpy_float()))
 
     def set_strength(self, strength: npt.NDArray[np.float64]) -> None:
-        """Give every bar its eps_p over its family's: (nz + 3, ny + 3, nx + 3, 14)."""
-        exists = bar_weights(False)[self.lattice.code] > 0
+        """Give every bar its eps_p over its family's: (nz + 3, ny + 3, nx + 3, bars)."""
+        exists = self.lattice.bar_exists()
         self._fill_bars(self.strength, strength)
         stored = self.lanes.spread(np.moveaxis(np.where(exists, strength, np.inf), -1, 0))
         weakest = stored.min(axis=(0, -1))
@@ -216,7 +219,7 @@ class State:
         self.weakest.from_numpy((weakest * (1 - 1e-6)).astype(numpy_float()))
 
     def set_modulus(self, modulus: npt.NDArray[np.float64]) -> None:
-        """Give every bar its modulus over the mean: (nz + 3, ny + 3, nx + 3, 14)."""
+        """Give every bar its modulus over the mean: (nz + 3, ny + 3, nx + 3, bars)."""
         self._fill_bars(self.modulus, modulus)
 
     def set_own_density(self, density: float, factor: npt.NDArray[np.float64]) -> None:
@@ -228,17 +231,19 @@ class State:
         """
         module = density * self.lattice.spacing**3 * np.where(self.lattice.mask, factor, 0.0)
         nz, ny, nx = module.shape
-        mass = np.zeros((2, *self.sites))
-        mass[1, 1 : 1 + nz, 1 : 1 + ny, 1 : 1 + nx] = module / 2
+        mass = np.zeros((self.cell.sublattices, *self.sites))
+        mass[CENTRE:, 1 : 1 + nz, 1 : 1 + ny, 1 : 1 + nx] = module / 2
+        # the corners of a module with a centre node share half of its mass
+        corner = module / (8 * self.cell.sublattices)
         for dz, dy, dx in np.ndindex(2, 2, 2):
-            mass[0, 1 + dz : 1 + dz + nz, 1 + dy : 1 + dy + ny, 1 + dx : 1 + dx + nx] += module / 16
+            mass[0, 1 + dz : 1 + dz + nz, 1 + dy : 1 + dy + ny, 1 + dx : 1 + dx + nx] += corner
         inverse = np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0)
         for fields, values in ((self.own_mass, mass), (self.own_inverse_mass, inverse)):
             for field, part in zip(fields, values, strict=True):
                 self._fill(field, part)
 
     def masses(self) -> npt.NDArray[np.float64]:
-        """(2, nz + 3, ny + 3, nx + 3) masses of all nodes, kg; 0 where there is none."""
+        """(sublattices, *S) masses of all nodes, kg; 0 where there is none."""
         if self.features.density:
             own = [self.lanes.gather(field.to_numpy()) for field in self.own_mass]
             return np.stack(own).astype(np.float64)
@@ -253,14 +258,14 @@ class State:
         self.touched.from_numpy(_lane_bits(stored != 0))
 
     def set_peak(self, peak: npt.NDArray[np.float64]) -> None:
-        """Age bars to peak strains over their eps_p: (nz + 3, ny + 3, nx + 3, 14)."""
+        """Age bars to peak strains over their eps_p: (nz + 3, ny + 3, nx + 3, bars)."""
         stored = self.lanes.spread(np.moveaxis(peak, -1, 0))
         for field, values in zip(self.peak, stored, strict=True):
             field.from_numpy(values.astype(numpy_float()))
         self._touch(stored)
 
     def _touch(self, peak: npt.NDArray) -> None:
-        """Mark the lanes with a bar beyond its eps_p, from (14, *S, width) peak strains over it."""
+        """Mark the lanes with a bar beyond its eps_p, from (bars, *S, width) peaks over it."""
         self.touched.from_numpy(
             _lane_bits(np.any((peak > 1) | (peak < 0), axis=0)) | self.touched.to_numpy()
         )

@@ -19,8 +19,6 @@ import math
 
 import taichi as ti
 
-from taichi_ldem.model.lattice import BAR_VECTORS, BARS_PER_SITE
-from taichi_ldem.model.topology import ENDS, FAMILY, LENGTH_SQUARED, STIFFNESS_KIND
 from taichi_ldem.solver.bars import BarForces
 from taichi_ldem.solver.lanes import HALO
 from taichi_ldem.solver.nodes import NodeAccess
@@ -35,10 +33,6 @@ fails at G_f, the work F w / 2 = G_f A with EA of a bar of area A gives w = 2 pi
 
 PASSED = 2 * OPENING
 """Opening over a bar's elongation from which on the tip has passed the bar: it is on a flank."""
-
-AT_TIP = 4
-"""Most failed bars of a node at a tip. A crack along (100) takes five of a node's bars, one along
-(110) four; a node that has lost more is on a flank."""
 
 
 @ti.data_oriented
@@ -58,10 +52,10 @@ class CrackTips:
         if ti.static(self.state.features.notch):
             bits = int(self.state.removed[k, j, m][lane])
         stiffness = self.state.stiffness[int(self.state.code[k, j, m][lane])]
-        for bar in ti.static(range(BARS_PER_SITE)):
+        for bar in ti.static(range(self.state.cell.bars)):
             if self.bars.has_failed(bar, self.state.peak[bar][k, j, m][lane]):
                 bits |= 1 << bar
-            if stiffness[ti.static(STIFFNESS_KIND[bar])] == 0:
+            if stiffness[ti.static(self.state.cell.stiffness_kind[bar])] == 0:
                 bits &= ~(1 << bar)
             if (bits >> bar) & 1 and (before >> bar) & 1 == 0:
                 self.mark_near(bar, at, lane)
@@ -72,7 +66,7 @@ class CrackTips:
         """Mark the columns whose bars may share a node with one; all threads write the same."""
         i = self.access.site_of(at.m, lane)
         for end in ti.static(range(2)):
-            o = ti.static(ENDS[bar][end][1])
+            o = ti.static(self.state.cell.ends[bar][end][1])
             for dz, dy, dx in ti.ndrange((-1, 2), (-1, 2), (-1, 2)):
                 k, j, there = at.k + o[0] + dz, at.j + o[1] + dy, i + o[2] + dx
                 inside = 0 < k < ti.static(self.state.sites[0] - 1)
@@ -92,7 +86,7 @@ class CrackTips:
         """Set the openings at the two nodes of a failed bar to zero."""
         i = self.access.site_of(at.m, lane)
         for end in ti.static(range(2)):
-            s, o = ti.static(ENDS[bar][end])
+            s, o = ti.static(self.state.cell.ends[bar][end])
             self.state.opening[s][at.k + o[0], at.j + o[1], i + o[2]] = 0.0
             self.state.failed[s][at.k + o[0], at.j + o[1], i + o[2]] = 0
 
@@ -101,7 +95,7 @@ class CrackTips:
         """Let the two nodes of a failed bar have at least its elongation as their opening, m."""
         i = self.access.site_of(at.m, lane)
         for end in ti.static(range(2)):
-            s, o = ti.static(ENDS[bar][end])
+            s, o = ti.static(self.state.cell.ends[bar][end])
             ti.atomic_max(self.state.opening[s][at.k + o[0], at.j + o[1], i + o[2]], elongation)
             ti.atomic_add(self.state.failed[s][at.k + o[0], at.j + o[1], i + o[2]], 1)
 
@@ -113,7 +107,7 @@ class CrackTips:
     @ti.func
     def length_at_rest(self, bar: ti.template(), at: ti.template(), step: ti.template(), lane):
         """L0 of a bar, m."""
-        length = step.spacing * ti.static(LENGTH_SQUARED[bar] ** 0.5)
+        length = step.spacing * ti.static(self.state.cell.length_squared[bar] ** 0.5)
         if ti.static(self.state.features.perturbed):
             length /= ti.sqrt(self.bars.square_of_length_ratio(bar, at, lane))
         return length
@@ -122,7 +116,7 @@ class CrackTips:
     def last_stretching(self, bar: ti.template(), at: ti.template(), step: ti.template(), lane):
         """Strain of a bar at the step less that one step before, from the velocities between."""
         k, j, m = at.k, at.j, at.m
-        first, second = ti.static(ENDS[bar])
+        first, second = ti.static(self.state.cell.ends[bar])
         a, b = ti.static(first[1], second[1])
         along, square = 0.0, 0.0
         for axis in ti.static(range(3)):
@@ -131,7 +125,7 @@ class CrackTips:
             i = self.access.site_of(m, lane)
             v = self.at_site(far, k + b[0], j + b[1], i + b[2])
             v -= self.at_site(near, k + a[0], j + a[1], i + a[2])
-            x = step.spacing * ti.static(float(BAR_VECTORS[bar][axis]))
+            x = step.spacing * ti.static(float(self.state.cell.vectors[bar][axis]))
             if ti.static(self.state.features.perturbed):
                 x = step.spacing * self.bars.perturbed_vector(bar, axis, at, lane)
             x += self.bars.relative_displacement(bar, axis, at, step, lane)
@@ -150,19 +144,24 @@ class CrackTips:
 
     @ti.func
     def opening_at(self, bar: ti.template(), at: ti.template(), lane):
-        """The larger opening at a bar's two nodes, m."""
+        """The larger opening at a bar's two nodes, m.
+
+        A node is at a tip as long as it has lost no more bars than a flat crack takes from it (five
+        or four of the module's along (100), (110)); beyond that it is on a flank.
+        """
+        at_tip = ti.static(self.state.cell.fewest_cut)
         i = self.access.site_of(at.m, lane)
         most = 0.0
         for end in ti.static(range(2)):
-            s, o = ti.static(ENDS[bar][end])
-            if self.state.failed[s][at.k + o[0], at.j + o[1], i + o[2]] <= AT_TIP:
+            s, o = ti.static(self.state.cell.ends[bar][end])
+            if self.state.failed[s][at.k + o[0], at.j + o[1], i + o[2]] <= at_tip:
                 most = ti.max(most, self.state.opening[s][at.k + o[0], at.j + o[1], i + o[2]])
         return most
 
     @ti.func
     def cost(self, bar: ti.template(), at: ti.template(), lane, step: ti.template()):
         """G_f A^f of a bar over its EA L0; it follows eps_p^2 where bars differ (Eq. (9))."""
-        cost = self.state.toughness[ti.static(FAMILY[bar])]
+        cost = self.state.toughness[ti.static(self.state.cell.family[bar])]
         if ti.static(self.state.features.strength and not self.state.features.flaws):
             cost *= self.state.strength[bar][at.k, at.j, at.m][lane] ** 2
         return cost
@@ -216,7 +215,7 @@ class CrackTips:
         if self.state.touched[at.k, at.j, at.m] != 0:
             for lane in range(self.state.lanes.width):
                 self.note_failed(at, lane)
-                for bar in ti.static(range(BARS_PER_SITE)):
+                for bar in ti.static(range(self.state.cell.bars)):
                     if self.is_known(bar, at, lane):
                         self.forget_openings(bar, at, lane)
 
@@ -225,7 +224,7 @@ class CrackTips:
         """Give the nodes of a column's failed bars their openings."""
         if self.state.touched[at.k, at.j, at.m] != 0:
             for lane in range(self.state.lanes.width):
-                for bar in ti.static(range(BARS_PER_SITE)):
+                for bar in ti.static(range(self.state.cell.bars)):
                     if self.is_known(bar, at, lane):
                         strain = self.strain(bar, at, step, lane)
                         length = self.length_at_rest(bar, at, step, lane)
@@ -237,5 +236,5 @@ class CrackTips:
         if self.state.near[at.k, at.j, at.m] != 0:
             for lane in range(self.state.lanes.width):
                 if int(self.state.code[at.k, at.j, at.m][lane]) != 0:
-                    for bar in ti.static(range(BARS_PER_SITE)):
+                    for bar in ti.static(range(self.state.cell.bars)):
                         self.fail_at_tip(bar, at, step, lane)

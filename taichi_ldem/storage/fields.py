@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from taichi_ldem.errors import SceneError
+from taichi_ldem.model.cell import MODULE, UnitCell
 from taichi_ldem.storage.durable import created, patched
 
 FloatArray = NDArray[np.floating[Any]]
@@ -27,11 +28,6 @@ _VTK_HEXAHEDRON = 12
 _PACKED: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 
 _FIELDS = ("PointData/displacement_m", "PointData/velocity_m_s", "CellData/broken_fraction")
-
-BAR_NUMBERING = (
-    "bar of a site: 0-2 corner edges along x, y, z; 3-5 centre-to-centre bars along x, y, z; "
-    "6 + 4 dz + 2 dy + dx diagonal from the centre to corner (dx, dy, dz) of its module"
-)
 
 
 def hexahedral_mesh(
@@ -73,14 +69,16 @@ class FieldWriter:
         hexahedra: IntArray,
         written: tuple[int, int] | None = None,
         attributes: Mapping[str, str] | None = None,
+        cell: UnitCell = MODULE,
     ) -> None:
         """points: (P, 3) reference positions [m]; hexahedra: (C, 8) point numbers, VTK's order.
 
         attributes: of the file, by name; readers of VTKHDF pass over them.
+        cell: whose bars the broken bars are.
         written: go on with the file of an earlier process after so many steps and broken bars.
         Raises SceneError if that does not hold them.
         """
-        self._path = Path(path)
+        self._path, self._numbering = Path(path), cell.numbering
         self._points, self._cells = len(points), len(hexahedra)
         if written is None:
             self._create(points, hexahedra, attributes or {})
@@ -119,7 +117,7 @@ class FieldWriter:
             broken.attrs["about"] = "bars that failed, in order of writing; reference positions"
             _growing(broken, "time_s", (16384,), np.float64)
             _growing(broken, "position_m", (16384, 3), np.float64)
-            _growing(broken, "bar", (16384,), np.uint8).attrs["numbering"] = BAR_NUMBERING
+            _growing(broken, "bar", (16384,), np.uint8).attrs["numbering"] = self._numbering
 
     def append(
         self,
@@ -161,7 +159,7 @@ class FieldWriter:
         """Add bars that have failed.
 
         time_s: (n,) [s]; position: (n, 3), middle of the bar in the reference configuration [m];
-        bar: (n,), 0 to 13, see `BAR_NUMBERING`.
+        bar: (n,), its number (`UnitCell.numbering`).
         """
         if not len(time_s) == len(position) == len(bar):
             raise ValueError("time_s, position and bar differ in length")
@@ -272,7 +270,7 @@ class Fields:
 
 @dataclass(frozen=True)
 class BrokenBars:
-    """Failed bars: time_s (n,) [s], position_m (n, 3) [m], reference; bar (n,), 0 to 13."""
+    """Failed bars: time_s (n,) [s], position_m (n, 3) [m], reference; bar (n,), its number."""
 
     time_s: NDArray[np.float64]
     position_m: NDArray[np.float64]

@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 
 from taichi_ldem.model import material as mat
+from taichi_ldem.model.cell import CELLS
 from taichi_ldem.model.lattice import Lattice, prism
 from taichi_ldem.scenarios.bend import notch_depth
 from taichi_ldem.scene import Scene, load_scene, parse_scene, scene_to_toml
@@ -131,9 +132,9 @@ def statics(scene: Scene) -> dict[str, float]:
     """Compliance of a scene's beam with and without its notch, on the lattice, m/N."""
     plate, supports, (notch,) = scene.plate, scene.supports, scene.notch
     assert supports is not None  # the scene refuses a bending test without them
-    lattice = Lattice(prism(*plate.modules), plate.spacing, plate.surface_weights)
-    bars = mat.bar_families(scene.material, plate.spacing, plate.stiffness)
-    stiffness = bars.longitudinal.axial_stiffness, bars.diagonal.axial_stiffness
+    cell = CELLS[plate.lattice]
+    lattice = Lattice(prism(*plate.modules), plate.spacing, plate.surface_weights, cell=cell)
+    stiffness = tuple(family.axial_stiffness for family in mat.bars_of(scene))
     (a, b), (c, d) = notch.bounds
     cut = lattice.bars_crossing(notch.axes[0], notch.position, (a, c), (b, d))
     none = np.zeros_like(cut)
@@ -150,7 +151,8 @@ def evaluate(
     supports, (notch,) = scene.supports, scene.notch
     assert supports is not None
     _, thickness, width = scene.plate.actual_size
-    lattice = Lattice(prism(*scene.plate.modules), scene.plate.spacing)
+    cell = CELLS[scene.plate.lattice]
+    lattice = Lattice(prism(*scene.plate.modules), scene.plate.spacing, cell=cell)
     depth = notch_depth(notch, lattice)
     alpha, beta = depth / width, supports.span / width
     unit = scene.material.youngs_modulus * thickness

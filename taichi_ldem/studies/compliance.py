@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from taichi_ldem.model.lattice import BAR_VECTORS, BARS_PER_SITE, DIAGONAL, Lattice, bar_weights
+from taichi_ldem.model.lattice import Lattice
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -76,45 +76,44 @@ def calibration(alpha: float, beta: float) -> float:
 
 
 def bar_ends(lattice: Lattice, bar: int, present: npt.NDArray[np.bool_]) -> tuple[Nodes, Nodes]:
-    """Flat numbers over (2, *S) of both end nodes of one kind of bar at the sites ``present``."""
+    """Flat numbers over all nodes of both end nodes of one kind of bar at the sites ``present``."""
     site = np.argwhere(present)
-    start, end = (0, 0) if bar < 3 else (1, 1) if bar < DIAGONAL.start else (1, 0)
-    offset = BAR_VECTORS[bar][::-1] + (0.5 if bar >= DIAGONAL.start else 0.0)
-    shape = (2, *lattice.sites)
-    first = np.ravel_multi_index((np.full(len(site), start), *site.T), shape)
-    there = site + np.rint(offset).astype(int)
-    second = np.ravel_multi_index((np.full(len(site), end), *there.T), shape)
-    return first.astype(np.int64), second.astype(np.int64)
+    shape = (lattice.cell.sublattices, *lattice.sites)
+    first, second = (
+        np.ravel_multi_index((np.full(len(site), s), *(site + offset).T), shape).astype(np.int64)
+        for s, offset in lattice.cell.ends[bar]
+    )
+    return first, second
 
 
 def stiffness_matrix(
-    lattice: Lattice, stiffness: tuple[float, float], removed: npt.NDArray[np.uint16]
+    lattice: Lattice, stiffness: tuple[float, ...], removed: npt.NDArray[np.uint16]
 ) -> "csr_array[np.float64]":
-    """Tangent stiffness at rest over the flat degrees of freedom of (2, *S, 3), N/m.
+    """Tangent stiffness at rest over the flat degrees of freedom of all nodes, N/m.
 
     Args:
         lattice: regular or perturbed: every bar has its own length and direction.
-        stiffness: EA of longitudinal and diagonal bars, N.
+        stiffness: EA of the bar families, N.
         removed: S, one bit a bar cut by a notch.
     """
     from scipy.sparse import coo_array
 
-    weights = bar_weights(lattice.surface_weights)[lattice.code]
+    weights, cell = lattice.bar_shares(), lattice.cell
     place = lattice.positions().reshape(-1, 3)
     rows, columns, values = [], [], []
-    for bar in range(BARS_PER_SITE):
+    for bar in range(cell.bars):
         share = weights[..., bar] * ((removed >> bar & 1) == 0)
         ends = bar_ends(lattice, bar, share > 0)
         vector = place[ends[1]] - place[ends[0]]
         length = np.linalg.norm(vector, axis=1)
-        whole = stiffness[bar >= DIAGONAL.start] * share[share > 0] / length**3
+        whole = stiffness[cell.family[bar]] * share[share > 0] / length**3
         block = whole[:, None, None] * vector[:, :, None] * vector[:, None, :]
         for a, b, sign in ((0, 0, 1), (1, 1, 1), (0, 1, -1), (1, 0, -1)):
             i, j = np.meshgrid(range(3), range(3), indexing="ij")
             rows.append((3 * ends[a][:, None, None] + i).ravel())
             columns.append((3 * ends[b][:, None, None] + j).ravel())
             values.append(sign * block.ravel())
-    size = 6 * int(np.prod(lattice.sites))
+    size = 3 * cell.sublattices * int(np.prod(lattice.sites))
     entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
     return coo_array(entries, shape=(size, size)).tocsr()
 
@@ -129,7 +128,7 @@ def row_of_nodes(lattice: Lattice, x: float, z: float) -> Nodes:
 
 def lattice_compliance(
     lattice: Lattice,
-    stiffness: tuple[float, float],
+    stiffness: tuple[float, ...],
     removed: npt.NDArray[np.uint16],
     span: float,
 ) -> float:

@@ -116,5 +116,5 @@ def test_names_that_do_not_exist_are_found() -> None:
     assert len(missing(text)) == 5
     assert missing("`laws.register = 1` `plate.shape = 1`") == ["laws.register = 1"]
     assert (
-        missing("`laws.register` `solver/laws` `bar_weights` `plate.size` `scenarios.runner`") == []
+        missing("`laws.register` `solver/laws` `bar_shares` `plate.size` `scenarios.runner`") == []
     )

@@ -3,7 +3,6 @@
 import numpy as np
 import taichi as ti
 
-from taichi_ldem.model.lattice import BARS_PER_SITE
 from taichi_ldem.solver.contact.kernels.body import Layout, RigidBody
 from taichi_ldem.solver.dynamics import Dynamics
 from taichi_ldem.solver.lanes import HALO
@@ -27,13 +26,13 @@ class BarForces:
                 self.dynamics.bars.column_forces(at, step)
                 for lane in ti.static(range(self.dynamics.lanes.width)):
                     site = self.dynamics.site_of(m, lane)
-                    for bar in ti.static(range(BARS_PER_SITE)):
+                    for bar in ti.static(range(self.dynamics.cell.bars)):
                         values[k, j, site, bar] = self.dynamics.axial[bar][0, row, k, m][lane]
 
     def read(self, now: int) -> np.ndarray:
         """(S, 14) axial force over current length, N/m."""
         d = self.dynamics
-        values = np.zeros((*d.sites, BARS_PER_SITE))
+        values = np.zeros((*d.sites, d.cell.bars))
         for j in range(1, d.sites[1] - 1):
             self.row(j, now, d.lattice.spacing, d.peak_strain, values)
         return values

@@ -111,12 +111,12 @@ class Bench:
 
     @property
     def exists(self) -> npt.NDArray[np.bool_]:
-        """(2, *S, 1) True where a node exists."""
+        """(sublattices, *S, 1) True where a node exists."""
         return self.lattice.exists()[..., None]
 
     @property
     def places(self) -> Array:
-        """(2, *S, 3) positions at rest from the middle of the body, m."""
+        """(sublattices, *S, 3) positions at rest from the middle of the body, m."""
         place = self.lattice.positions()
         at = self.lattice.exists()
         middle = 0.5 * (place[at].min(axis=0) + place[at].max(axis=0))
@@ -124,19 +124,19 @@ class Bench:
 
     @property
     def masses(self) -> Array:
-        """(2, *S, 1) of the nodes, kg."""
+        """(sublattices, *S, 1) of the nodes, kg."""
         return np.asarray(self.simulation.dynamics.masses()[..., None])
 
     def start(self, displacement: Array | float = 0.0, velocity: Array | float = 0.0) -> None:
         """Set the state at t = 0."""
-        rest = np.zeros((2, *self.simulation.dynamics.sites, 3))
+        rest = np.zeros((*self.exists.shape[:-1], 3))
         self.simulation.start_from(
             (rest + displacement) * self.exists, (rest + velocity) * self.exists
         )
 
     def noise(self, size: float, seed: int = 1) -> Array:
-        """(2, *S, 3) independent normal numbers."""
-        shape = (2, *self.simulation.dynamics.sites, 3)
+        """(sublattices, *S, 3) independent normal numbers."""
+        shape = (*self.exists.shape[:-1], 3)
         return np.random.default_rng(seed).normal(0.0, size, shape)
 
     def shake(self, speed: float) -> None:

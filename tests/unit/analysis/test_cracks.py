@@ -16,10 +16,11 @@ from taichi_ldem.analysis.cracks import (
     crack_map,
     measure,
 )
+from taichi_ldem.model.cell import MODULE
 from taichi_ldem.model.lattice import Lattice, prism
 from taichi_ldem.scenarios.measure import measure_run
 from taichi_ldem.scene import Plate, parse_scene
-from taichi_ldem.storage.fields import BAR_NUMBERING, BrokenBars
+from taichi_ldem.storage.fields import BrokenBars
 from taichi_ldem.storage.folder import RunFolder
 
 L = PLATE.spacing  # m
@@ -241,7 +242,7 @@ def test_a_column_cracks_when_a_third_of_its_levels_has() -> None:
     # the column below shares the corner bars alone: levels 0, 2, 4, 6, 8 with the ninth bar
     assert arrival[87, 86] == pytest.approx(9e-3)
     assert np.isfinite(arrival).sum() == 3  # and (88, 87): the six centre bars
-    assert "0-2 corner edges along x, y, z; 3-5 centre-to-centre" in BAR_NUMBERING
+    assert "0-2 corner edges along x, y, z; 3-5 centre-to-centre" in MODULE.numbering
 
 
 def test_broken_area_of_a_plane_is_its_area() -> None:

@@ -16,7 +16,7 @@ from support.reference import Body
 from taichi_ldem.errors import SceneError
 from taichi_ldem.model import disorder as dis
 from taichi_ldem.model import material as mat
-from taichi_ldem.model.lattice import Lattice, bar_weights, prism
+from taichi_ldem.model.lattice import Lattice, prism
 from taichi_ldem.scene import Material
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def test_specimens_have_the_measured_strength_whatever_the_module(modules: int) 
         lattice = Lattice(prism(4 * modules, modules, modules), spacing)
         strength = dis.draw(scene, lattice).peak_strain
         assert strength is not None
-        exists = bar_weights(False)[lattice.code] > 0
+        exists = lattice.bar_exists()
         along = [0, 3]
         eps_p = mat.check(scene).longitudinal.peak_strain
         weakest.append(eps_p * strength[..., along][exists[..., along]].min())
@@ -136,7 +136,7 @@ def test_drawn_factors_are_weibull(cv: float) -> None:
     drawn = _fields(lattice, **{f"{name}_cv": cv for name in PAPER}, seed=7)
     shape = dis.shape_from_cv(cv)
     expected = weibull_min(shape, scale=1 / math.gamma(1 + 1 / shape))
-    exists = bar_weights(False)[lattice.code] > 0
+    exists = lattice.bar_exists()
     for name in PAPER:
         values = getattr(drawn, name)
         there = values.ravel() if name == "density" else values[exists]

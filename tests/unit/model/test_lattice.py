@@ -2,13 +2,12 @@ import numpy as np
 import pytest
 from support.reference import Body
 
+from taichi_ldem.model.cell import MODULE
 from taichi_ldem.model.lattice import (
     Lattice,
-    bar_weights,
     cut_out,
     disc,
     dumbbell_half_width,
-    node_masses,
     prism,
     turned,
 )
@@ -35,7 +34,7 @@ def test_bars_and_nodes_of_any_mask_are_those_of_its_modules(
     mask: np.ndarray, weighted: bool
 ) -> None:
     lattice, body = Lattice(mask, 0.3e-3, weighted), Body(mask, 0.3e-3, weighted)
-    weights = bar_weights(weighted)[lattice.code]
+    weights = lattice.bar_shares()
     assert lattice.bars == len(body.ends)
     assert lattice.nodes == len(body.places)
     np.testing.assert_array_equal(body.bar_values(weights, lattice.bar_midpoints), body.weights)
@@ -44,7 +43,7 @@ def test_bars_and_nodes_of_any_mask_are_those_of_its_modules(
 
 def test_masses_are_half_at_centres_and_half_at_corners(mask: np.ndarray) -> None:
     lattice, body = Lattice(mask, 0.3e-3), Body(mask, 0.3e-3)
-    shares = np.moveaxis(node_masses()[lattice.code], -1, 0)
+    shares = np.moveaxis(MODULE.node_shares[lattice.code], -1, 0)
     np.testing.assert_array_equal(shares[body.index], body.mass_shares)
     assert shares.sum() == mask.sum()  # sixteenths: exact in binary
     assert lattice.volume == pytest.approx(mask.sum() * 0.3e-3**3, rel=1e-15)

@@ -8,8 +8,7 @@ from support.blocks import DAMAGE, block_scene
 from support.reference import Body
 
 from taichi_ldem.model import material as mat
-from taichi_ldem.model.lattice import BAR_VECTORS, bar_weights
-from taichi_ldem.model.topology import ENDS, FAMILY
+from taichi_ldem.model.lattice import Lattice
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation
@@ -19,54 +18,56 @@ NOTCH = {"normal": "x", "position": 1.6e-3, "from": [-1.0, -1.0], "to": [0.0, 1.
 CRACK = DAMAGE | {"failure_strain": 0.05, "fracture": "crack"}
 
 
-@pytest.fixture(scope="module")
-def simulation(taichi: None) -> "Simulation":
+@pytest.fixture(scope="module", params=["module", "cubic-26"])
+def simulation(taichi: None, request: pytest.FixtureRequest) -> "Simulation":
     """A block whose modules are cut half through; a bar alone would bear strains of 5 %."""
     from taichi_ldem.solver.simulation import Simulation
 
-    return Simulation(block_scene(20, 6, 3, material=CRACK, notch=[NOTCH]))
+    return Simulation(
+        block_scene(20, 6, 3, material=CRACK, notch=[NOTCH], plate={"lattice": request.param})
+    )
 
 
-def _of_bars(field: Array) -> list[Array]:
-    """For each bar, its elongation over L0 from (2, *S, 3) displacements in module edges."""
+def _of_bars(lattice: Lattice, field: Array) -> list[Array]:
+    """For each bar, its elongation over L0 from (nodes, *S, 3) displacements in module edges."""
     found = []
-    for bar, ends in enumerate(ENDS):
+    for bar, ends in enumerate(lattice.cell.ends):
         first, second = (
             np.roll(field[s], [-n for n in offset], axis=(0, 1, 2)) for s, offset in ends
         )
-        rest = np.linalg.norm(BAR_VECTORS[bar])
-        found.append(np.linalg.norm(second - first + BAR_VECTORS[bar], axis=-1) / rest - 1)
+        rest = np.linalg.norm(lattice.cell.vectors[bar])
+        found.append(np.linalg.norm(second - first + lattice.cell.vectors[bar], axis=-1) / rest - 1)
     return found
 
 
-def _expected(simulation: "Simulation", field: Array, scene_cost: tuple[float, float]) -> Array:
-    """(14, *S) bars that should fail: by strength, or by the rule of ``solver.tips``.
+def _expected(simulation: "Simulation", field: Array, scene_cost: tuple[float, ...]) -> Array:
+    """(bars, *S) bars that should fail: by strength, or by the rule of ``solver.tips``.
 
     Args:
-        field: (2, *S, 3) displacements in module edges.
+        field: (nodes, *S, 3) displacements in module edges.
         scene_cost: G_f A^f / (EA L0) of the families.
     """
     lattice = simulation.dynamics.lattice
     removed = simulation.dynamics.lanes.gather(simulation.dynamics.removed.to_numpy())
-    there = np.moveaxis(bar_weights(False)[lattice.code] > 0, -1, 0)
-    cut = np.stack([(removed >> bar & 1).astype(bool) for bar in range(14)]) & there
-    strain = _of_bars(field)
-    rest = [np.linalg.norm(vector) for vector in BAR_VECTORS]
-    opening = np.zeros((2, *lattice.sites))
-    count = np.zeros((2, *lattice.sites), dtype=int)
+    there = np.moveaxis(lattice.bar_exists(), -1, 0)
+    cut = np.stack([(removed >> bar & 1).astype(bool) for bar in range(lattice.cell.bars)]) & there
+    strain = _of_bars(lattice, field)
+    rest = [np.linalg.norm(vector) for vector in lattice.cell.vectors]
+    opening = np.zeros((lattice.cell.sublattices, *lattice.sites))
+    count = np.zeros((lattice.cell.sublattices, *lattice.sites), dtype=int)
     for bar, *site in np.argwhere(cut):
-        for s, offset in ENDS[bar]:
+        for s, offset in lattice.cell.ends[bar]:
             node = (s, *(np.array(site) + offset))
             opening[node] = max(opening[node], strain[bar][tuple(site)] * rest[bar])
             count[node] += 1
     fails = np.stack([s >= CRACK["failure_strain"] for s in strain]) & there & ~cut
     for bar, *site in np.argwhere(there & ~cut):
-        nodes = [(s, *(np.array(site) + offset)) for s, offset in ENDS[bar]]
-        parted = max(opening[n] if count[n] <= 4 else 0.0 for n in nodes)
+        nodes = [(s, *(np.array(site) + offset)) for s, offset in lattice.cell.ends[bar]]
+        parted = max(opening[n] if count[n] <= lattice.cell.fewest_cut else 0.0 for n in nodes)
         own = strain[bar][tuple(site)]
         if parted > 0 and own > 0 and parted <= 4 * np.pi * own * rest[bar]:
             share = min(parted / rest[bar], 2 * np.pi * own)
-            fails[(bar, *site)] |= own * share / 2 >= scene_cost[FAMILY[bar]]
+            fails[(bar, *site)] |= own * share / 2 >= scene_cost[lattice.cell.family[bar]]
     return fails
 
 
@@ -76,18 +77,22 @@ def test_bars_fail_where_they_release_what_they_cost(simulation: "Simulation", s
     dynamics = simulation.dynamics
     lattice = dynamics.lattice
     bars = mat.check(simulation.scene)
-    cost = (bars.longitudinal.toughness, bars.diagonal.toughness)
+    cost = tuple(family.toughness for family in bars)
     random = np.random.default_rng(seed)
-    field = 0.015 * random.normal(size=(2, *lattice.sites, 3)) * lattice.exists()[..., None]
+    field = (
+        0.015
+        * random.normal(size=(lattice.cell.sublattices, *lattice.sites, 3))
+        * lattice.exists()[..., None]
+    )
     field[..., 0] += 0.01 * lattice.positions()[..., 0] / lattice.spacing * lattice.exists()
     dynamics.set_displacement(0, field * lattice.spacing)
     dynamics.kick(0, 0.0)
     sites, numbers = dynamics.new_broken()
-    found = np.zeros((14, *lattice.sites), dtype=bool)
+    found = np.zeros((lattice.cell.bars, *lattice.sites), dtype=bool)
     found[(numbers, *sites.T)] = True
     expected = _expected(simulation, field, cost)
     np.testing.assert_array_equal(found, expected)
-    strong = np.stack([s < CRACK["failure_strain"] for s in _of_bars(field)])
+    strong = np.stack([s < CRACK["failure_strain"] for s in _of_bars(lattice, field)])
     assert (expected & strong).sum() > 10
 
 
@@ -102,9 +107,10 @@ def test_a_bar_at_a_tip_costs_g_f_times_its_area() -> None:
 
 def test_energy_closes_while_a_crack_runs(simulation: "Simulation") -> None:
     times = {"solver": {"duration": 1.5e-5}, "output": {"history_interval": 2e-7}}
-    simulation.reset(block_scene(20, 6, 3, material=CRACK, notch=[NOTCH], **times))
+    plate = {"lattice": simulation.scene.plate.lattice}
+    simulation.reset(block_scene(20, 6, 3, material=CRACK, notch=[NOTCH], plate=plate, **times))
     lattice = simulation.dynamics.lattice
-    stretch = np.zeros((2, *lattice.sites, 3))
+    stretch = np.zeros((lattice.cell.sublattices, *lattice.sites, 3))
     stretch[..., 0] = 0.012 * lattice.positions()[..., 0] * lattice.exists()
     simulation.start_from(stretch, np.zeros_like(stretch))
     samples = list(simulation.samples())

@@ -53,7 +53,7 @@ class Layout:
         numbers: parameters of the body, f64, SI units; other values need no compilation.
         capacity: nodes that its list has room for.
         kind: choices that are compiled into its kernels.
-        nodes: (n,) node numbers listed from the start, flat over (2, *S).
+        nodes: (n,) node numbers listed from the start, flat over (sublattices, *S).
     """
 
     numbers: Sequence[float]

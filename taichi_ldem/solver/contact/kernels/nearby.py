@@ -9,7 +9,7 @@ import numpy.typing as npt
 import taichi as ti
 
 from taichi_ldem.errors import TooManyNodes
-from taichi_ldem.solver.dynamics import CENTRE, CORNER, Dynamics, field_apart
+from taichi_ldem.solver.dynamics import Dynamics, field_apart
 from taichi_ldem.solver.lanes import HALO
 
 WORD = 16
@@ -26,7 +26,7 @@ class NearbyNodes:
     """The nodes near a body.
 
     Attributes:
-        nodes: node numbers, ascending, flat over (2, *S).
+        nodes: node numbers, ascending, flat over (sublattices, *S).
         before: velocity of each listed node at the end of the last step, m/s.
         count: (2,) number of listed nodes, and the largest number that has been near so far.
         marks: a bit for each column of a piece of a row (s, k, j, lane): its node is near.
@@ -46,8 +46,9 @@ class NearbyNodes:
         if self.listed_anew:
             nz, ny, _ = dynamics.sites
             self.words = -(-dynamics.lanes.length // WORD)
-            self.marks = field_apart(ti.i32, 2 * nz * ny * dynamics.lanes.width * self.words)
-            self.ends = field_apart(ti.i32, 2 * nz * ny)
+            rows = dynamics.cell.sublattices * nz * ny
+            self.marks = field_apart(ti.i32, rows * dynamics.lanes.width * self.words)
+            self.ends = field_apart(ti.i32, rows)
 
     # -- on the host
     # -------------------------------------------------------------------------------------
@@ -61,7 +62,7 @@ class NearbyNodes:
         self.record_velocities()
 
     def _node_numbers(self) -> int:
-        return 2 * int(np.prod(self.dynamics.sites))
+        return self.dynamics.cell.sublattices * int(np.prod(self.dynamics.sites))
 
     def listed(self) -> npt.NDArray[np.int32]:
         """Numbers of the listed nodes, ascending.
@@ -172,10 +173,10 @@ class NearbyNodes:
         nz, ny, _ = ti.static(self.dynamics.sites)
         begin, body_speed = HALO + word * WORD, self.speed()
         for lane in ti.static(range(self.dynamics.lanes.width)):
-            near = ti.Vector.zero(ti.i32, 2)
+            near = ti.Vector.zero(ti.i32, self.dynamics.cell.sublattices)
             for m in range(begin, ti.min(begin + WORD, HALO + self.dynamics.lanes.length)):
                 i = self.dynamics.site_of(m, lane)
-                for s in ti.static((CORNER, CENTRE)):
+                for s in ti.static(range(self.dynamics.cell.sublattices)):
                     displacement = ti.Vector.zero(ti.f64, 3)
                     speed = body_speed
                     for axis in ti.static(range(3)):
@@ -186,7 +187,7 @@ class NearbyNodes:
                     position = self.rest_position(s, k, j, i, spacing) + displacement
                     if mass[s] > 0 and self.near(position, margin):
                         near[s] |= 1 << (m - begin)
-            for s in ti.static((CORNER, CENTRE)):
+            for s in ti.static(range(self.dynamics.cell.sublattices)):
                 row = (s * nz + k) * ny + j
                 self.marks[row * self.row_words() + lane * self.words + word] = near[s]
 
