@@ -46,8 +46,8 @@ def main() -> None:
 
     simulation = Simulation(scene)
     dynamics = simulation.dynamics
-    shape = (2, *dynamics.sites, 3)
     exists = dynamics.lattice.exists()[..., None]
+    shape = (*exists.shape[:-1], 3)
     start = AMPLITUDE * exists * np.random.default_rng(0).uniform(-1, 1, shape)
     simulation.start_from(start, np.zeros(shape))
     simulation.sample_step()  # compiles all that a run needs

@@ -43,6 +43,20 @@ def _bars_and_masses(modules: list[Place]) -> tuple[dict[tuple[Place, Place], fl
     return bars, masses
 
 
+def _cubic_26(modules: list[Place]) -> tuple[dict[tuple[Place, Place], float], dict]:
+    """The same for cubes without a centre node, whose corners are all connected to each other."""
+    bars: dict[tuple[Place, Place], float] = defaultdict(float)
+    masses: dict[Place, float] = defaultdict(float)
+    for module in modules:
+        corners = [tuple((2 * np.array(module) + c).tolist()) for c in CORNERS]
+        for corner in corners:
+            masses[corner] += 1 / 8
+        for a, b in itertools.combinations(corners, 2):
+            axes = sum(x != y for x, y in zip(a, b, strict=True))
+            bars[a, b] += {1: 1 / 4, 2: 1 / 2, 3: 1.0}[axes]  # of how many modules it is a part
+    return bars, masses
+
+
 @dataclass(frozen=True)
 class Body:
     """Bars and nodes of the modules of a mask.
@@ -50,17 +64,19 @@ class Body:
     Attributes:
         mask: (nz, ny, nx). spacing: L, m. surface_weights: False gives every bar its whole section.
         offsets: (nodes, 3) how far the nodes lie off their places in the regular lattice, m.
+        lattice: its name in a scene.
     """
 
     mask: npt.NDArray[np.bool_]
     spacing: float = 1.0
     surface_weights: bool = True
     offsets: Array | float = 0.0
+    lattice: str = "module"
 
     @cached_property
     def _census(self) -> tuple[dict[tuple[Place, Place], float], dict[Place, float]]:
         modules = [(int(i), int(j), int(k)) for k, j, i in np.argwhere(self.mask)]
-        return _bars_and_masses(modules)
+        return _cubic_26(modules) if self.lattice == "cubic-26" else _bars_and_masses(modules)
 
     @cached_property
     def places(self) -> npt.NDArray[np.int64]:
@@ -106,9 +122,16 @@ class Body:
         _, ny, nx = self.mask.shape
         return 0.5 * self.spacing * (self.places - np.array([nx, ny, 0])) + self.offsets
 
-    def per_bar(self, longitudinal: float, diagonal: float) -> Array:
-        """(bars,) a property of the two families, spread over the bars."""
-        return np.where(self.diagonal, diagonal, longitudinal)
+    @cached_property
+    def family(self) -> npt.NDArray[np.int64]:
+        """(bars,) number of the bar's family: by its length, but for the module's diagonals."""
+        if self.lattice == "module":
+            return self.diagonal.astype(np.int64)
+        return (self.places[self.ends[:, 1]] != self.places[self.ends[:, 0]]).sum(axis=1) - 1
+
+    def per_bar(self, *values: float) -> Array:
+        """(bars,) a property of the families, spread over the bars."""
+        return np.array(values)[self.family]
 
     def strains(self, displacement: Array) -> Array:
         """(bars,) engineering strains at any displacement (nodes, 3), m."""
@@ -116,9 +139,9 @@ class Body:
         return np.linalg.norm(now, axis=1) / self.lengths - 1
 
     def forces(
-        self, displacement: Array, stiffness: tuple[float, float], integrity: Array | float = 1.0
+        self, displacement: Array, stiffness: tuple[float, ...], integrity: Array | float = 1.0
     ) -> Array:
-        """(nodes, 3) N, from axial stiffnesses EA (longitudinal, diagonal) and what bars keep."""
+        """(nodes, 3) N, from axial stiffnesses EA of the families and what bars keep."""
         now = self.rest + displacement[self.ends[:, 1]] - displacement[self.ends[:, 0]]
         length = np.linalg.norm(now, axis=1)
         pull = integrity * self.weights * self.per_bar(*stiffness) * (length / self.lengths - 1)
@@ -129,13 +152,13 @@ class Body:
         return force
 
     def strain_energy(
-        self, displacement: Array, stiffness: tuple[float, float], integrity: Array | float = 1.0
+        self, displacement: Array, stiffness: tuple[float, ...], integrity: Array | float = 1.0
     ) -> float:
         """J, as ``forces``."""
         whole = self.weights * self.per_bar(*stiffness) * self.lengths
         return float(np.sum(0.5 * integrity * whole * self.strains(displacement) ** 2))
 
-    def stiffness_matrix(self, stiffness: tuple[float, float], integrity: Array | float = 1.0):
+    def stiffness_matrix(self, stiffness: tuple[float, ...], integrity: Array | float = 1.0):
         """(3 nodes, 3 nodes) sparse stiffness at rest, N/m, as ``forces``."""
         from scipy import sparse
 
@@ -155,14 +178,15 @@ class Body:
 
     @cached_property
     def index(self) -> tuple[npt.NDArray[np.int64], ...]:
-        """Index of every node in the program's (2, nz + 3, ny + 3, nx + 3) site arrays."""
+        """Index of every node in the program's (sublattices, *S) site arrays."""
         i, j, k = self.places.T // 2 + 1
         return self.places[:, 0] % 2, k, j, i
 
     def spread(self, values: Array) -> Array:
         """(nodes, 3) values in the program's layout, zero elsewhere."""
         nz, ny, nx = self.mask.shape
-        field = np.zeros((2, nz + 3, ny + 3, nx + 3, 3))
+        sublattices = 2 if self.lattice == "module" else 1
+        field = np.zeros((sublattices, nz + 3, ny + 3, nx + 3, 3))
         field[self.index] = values
         return field
 
