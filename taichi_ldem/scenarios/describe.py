@@ -194,7 +194,9 @@ def _steps(scene: Scene) -> float:
     solver, plate = scene.solver, scene.plate
     if solver.time_step != "auto":
         return solver.duration / float(solver.time_step)
-    critical = 2 / bulk(scene.material, plate.spacing, plate.stiffness).highest_frequency
+    critical = (
+        2 / bulk(scene.material, plate.spacing, plate.stiffness, plate.lattice).highest_frequency
+    )
     return solver.duration / min(solver.safety * critical, scene.output.history_interval)
 
 

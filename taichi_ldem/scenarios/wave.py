@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from taichi_ldem.errors import SceneError
 from taichi_ldem.model import waves
+from taichi_ldem.model.cell import CELLS
 from taichi_ldem.model.lattice import Lattice, prism
 from taichi_ldem.model.material import elastic_constants
 from taichi_ldem.scenarios import runner
@@ -131,7 +132,7 @@ class Packet:
     def medium(self) -> waves.Bulk:
         """The infinite lattice."""
         plate = self.scene.plate
-        return waves.bulk(self.scene.material, plate.spacing, plate.stiffness)
+        return waves.bulk(self.scene.material, plate.spacing, plate.stiffness, plate.lattice)
 
     @cached_property
     def guide(self) -> waves.Waveguide:
@@ -139,7 +140,8 @@ class Packet:
         plate = self.scene.plate
         modules = list(plate.modules)
         modules[self.axis] = 6
-        piece = Lattice(prism(*modules), plate.spacing, plate.surface_weights)
+        cell = CELLS[plate.lattice]
+        piece = Lattice(prism(*modules), plate.spacing, plate.surface_weights, cell=cell)
         return waves.waveguide(self.scene.material, piece, self.axis, plate.stiffness)
 
     @cached_property

@@ -117,7 +117,8 @@ def draw_directions(
 ) -> None:
     """Phase speed over wavelength along some directions, exact and measured; P, S, and errors."""
     panels = figure.subplots(3, 1, sharex=True, height_ratios=(3, 3, 2))
-    medium = waves.bulk(scene.material, scene.plate.spacing, scene.plate.stiffness)
+    plate = scene.plate
+    medium = waves.bulk(scene.material, plate.spacing, plate.stiffness, plate.lattice)
     modules = np.geomspace(60, 3.7, 120)
     k = 2 * np.pi / (modules * scene.plate.spacing)
     rows = list(rows)
@@ -159,14 +160,19 @@ def _wavelength_axis(axes: "Axes") -> None:
 
 
 def speeds_over_angle(
-    material: Material, spacing: float, angle: Array, modules: float, variant: str = "equation-2"
+    material: Material,
+    spacing: float,
+    angle: Array,
+    modules: float,
+    variant: str = "equation-2",
+    lattice: str = "module",
 ) -> dict[str, Array]:
     """Phase speeds (m/s) in the (001) plane by polarisation, at a wavelength in module edges.
 
     Args:
         angle: to [100], radians, (n,).
     """
-    medium = waves.bulk(material, spacing, variant)
+    medium = waves.bulk(material, spacing, variant, lattice)
     still = np.zeros_like(angle)
     along = np.stack([np.cos(angle), np.sin(angle), still], axis=-1)
     across = np.stack([-np.sin(angle), np.cos(angle), still], axis=-1)
@@ -185,14 +191,16 @@ def draw_anisotropy(figure: "Figure", scene: Scene, points: Rows = ()) -> None:
         points: measured (rows of ``studies.wave_speeds``); long waves are those of 40 modules.
     """
     points = [p for p in points if "degrees" in p["direction"]]
-    angle = np.radians(np.linspace(0, 90, 91))
-    panels = figure.subplots(len(POLARISATIONS), 3, sharex=True, sharey="row")
-    for column, nu in zip(panels.T, POISSON_RATIOS, strict=True):
+    angle, plate = np.radians(np.linspace(0, 90, 91)), scene.plate
+    ratios = POISSON_RATIOS if plate.lattice == "module" else (scene.material.poisson_ratio,)
+    size = (len(POLARISATIONS), len(ratios))
+    panels = figure.subplots(*size, sharex=True, sharey="row", squeeze=False)
+    for column, nu in zip(panels.T, ratios, strict=True):
         material = scene.material.model_copy(update={"poisson_ratio": nu})
         c_p, c_s = isotropic_speeds(material)
         for modules, style in zip((_LONG, *_SHORT), ("-", "--", ":"), strict=True):
             speeds = speeds_over_angle(
-                material, scene.plate.spacing, angle, modules, scene.plate.stiffness
+                material, plate.spacing, angle, modules, plate.stiffness, plate.lattice
             )
             for axes, (name, speed) in zip(column, speeds.items(), strict=True):
                 whole = c_p if name == "P" else c_s
