@@ -49,11 +49,24 @@ class Striker(Body):
 
         return Kernels
 
-    def warnings(self, history: list[dict[str, Any]]) -> list[str]:
-        """A line where the striker has never touched the plate."""
-        if any(row["striker_force_n"] for row in history):
+    def warnings(self, scene: Scene, history: list[dict[str, Any]]) -> list[str]:
+        """A line where the striker has never touched the plate, with the reason."""
+        striker = scene.striker
+        if striker is None or any(row["striker_force_n"] for row in history):
             return []
-        return ["the striker never touched the plate; see striker.gap and solver.duration"]
+        way = max(row["striker_displacement_m"] for row in history)
+        if way <= striker.gap:
+            why = (
+                f"it has come {way:.4g} m of striker.gap = {striker.gap:g} in "
+                f"solver.duration = {scene.solver.duration:g}"
+            )
+        else:
+            size = striker.diameter / scene.plate.spacing
+            why = (
+                f"it has passed the top face by {way - striker.gap:.4g} m beside all nodes; see "
+                f"striker.position and striker.diameter, {size:.3g} modules"
+            )
+        return [f"the striker never touched the plate: {why}"]
 
     def drawing(self, scene: Scene, history: Mapping[str, Floats], time: float) -> Drawing | None:
         """The striker where the history has it at a time; not above a beam on supports."""
