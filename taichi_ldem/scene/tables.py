@@ -453,6 +453,12 @@ class Output(Table):
     image_times: tuple[NonNegative, ...] = Field(
         default=(), description="times of the snapshots, s"
     )
+    smoothing_window: Positive | None = Field(
+        default=None,
+        description="time over which forces are averaged before peaks are read, and in figures, s;"
+        " without it, 0.2 ms for the paper's plate and for others in proportion to the period of"
+        " their first oscillation (docs/cracks.md)",
+    )
     filter_frequencies: tuple[Positive, ...] = Field(
         default=(), description="cut-off frequencies of the filtered forces in the force figure, Hz"
     )

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_ldem.analysis.signals import smooth_force
+from taichi_ldem.analysis.window import smoothing_window
 from taichi_ldem.scene import Scene
 from taichi_ldem.scene import Striker as Table
 from taichi_ldem.solver.contact.declaration import Body, Observable
@@ -76,8 +77,9 @@ class Striker(Body):
         times = np.asarray(history["time_s"], dtype=float)
         _, width, thickness = scene.plate.actual_size
         tip = thickness + scene.striker.gap - float(np.interp(time, times, path))
-        force = smooth_force(times, np.asarray(history["striker_force_n"], dtype=float))
-        felt = abs(round(float(np.interp(time, times, force))))  # mean over 0.2 ms
+        sampled = np.asarray(history["striker_force_n"], dtype=float)
+        force = smooth_force(times, sampled, smoothing_window(scene))
+        felt = abs(round(float(np.interp(time, times, force))))
         return Drawing(
             f"blue: the striker, force on it {felt:.0f} N",
             striker_faces(scene.striker, width, tip),
