@@ -286,6 +286,19 @@ def test_a_bad_scene_is_refused_in_one_line(
     assert [path.name for path in good.parent.iterdir()] == ["scene.toml"]
 
 
+def test_an_earlier_end_is_noted_on_a_line_of_its_own(
+    good: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    good.write_text(GOOD + "[output]\nimage_times = [1e-3, 6e-3]\n")
+    settings = ["--set", "solver.duration=5e-3", "--set", "striker.mass=-1"]
+    assert main(["impact", str(good), *settings]) == 2
+    note, error = capsys.readouterr().err.splitlines()
+    assert note == (
+        "note: output.image_times: left out what lies after solver.duration = 0.005: [0.006]"
+    )
+    assert error.startswith("error: command line: striker.mass = -1: must be greater than 0")
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -428,4 +441,4 @@ def test_a_process_refuses_in_one_line(good: Path) -> None:
     process = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert process.returncode == 2
     assert process.stdout == ""
-    assert process.stderr == "error: command line: solver.threads = 0: must be at least 1\n"
+    assert process.stderr == "error: command line: solver.threads = 0: must be at least 1 and at most 1024\n"
