@@ -8,7 +8,7 @@ those of the plate. docs/cracks.md gives the definitions, their grounds and thei
   levels (n modules through the thickness); it is cracked through from two thirds on. Such bars
   cross every crack except one parallel to the plate, so that delamination and damage of one face
   do not count as cracks.
-- **Radial crack**: a branch of the map's skeleton from a tip to the crushed core around the
+- **Radial crack**: a branch of the map's skeleton from a tip to the crushed core that surrounds the
   striker's axis, of which at least half belongs to no other crack. Its tip is where it has
   reached a sixth of the thickness, since a crack in bending is longest on the face in tension.
 - **d_r**: the diameter of the circle through the tips of the radial cracks at t2 (largest strain

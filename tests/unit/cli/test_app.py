@@ -441,4 +441,5 @@ def test_a_process_refuses_in_one_line(good: Path) -> None:
     process = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert process.returncode == 2
     assert process.stdout == ""
-    assert process.stderr == "error: command line: solver.threads = 0: must be at least 1 and at most 1024\n"
+    fault = "command line: solver.threads = 0: must be at least 1 and at most 1024"
+    assert process.stderr == f"error: {fault}\n"
