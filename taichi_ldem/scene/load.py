@@ -160,7 +160,7 @@ def _end_earlier(data: dict[str, Any], given: Collection[tuple[str, ...]]) -> No
     end, output = data["solver"]["duration"], data.get("output", {})
     if not _is_number(end) or not isinstance(output, dict):
         return  # refused by the checks
-    whole = f"solver.duration = {end!r}"
+    whole = f"solver.duration = {show(end)}"
     times = output.get("image_times")
     if isinstance(times, list | tuple) and ("output", "image_times") not in given:
         late = [time for time in times if _is_number(time) and time > end]
@@ -176,7 +176,7 @@ def _end_earlier(data: dict[str, Any], given: Collection[tuple[str, ...]]) -> No
             data["output"] = output | {key: shorter}
             output = data["output"]
             _note(
-                f"output.{key} = {interval!r} is longer than {whole}: there are {text} at the "
+                f"output.{key} = {show(interval)} is longer than {whole}: there are {text} at the "
                 "start and at the end"
             )
 
