@@ -124,6 +124,7 @@ def figure(folder: Path, file: Path) -> None:
     from matplotlib import pyplot as plt
 
     from taichi_ldem.analysis.signals import smooth_force
+    from taichi_ldem.analysis.window import PLATE_WINDOW, in_words
     from taichi_ldem.storage.folder import RunFolder
 
     drawing = plt.figure(figsize=(10, 6), layout="constrained")
@@ -131,14 +132,15 @@ def figure(folder: Path, file: Path) -> None:
     for reading in READINGS:
         if (folder / reading.name / "history.csv").exists():
             history = RunFolder(folder / reading.name).read_history()
-            force = smooth_force(history["time_s"], history["striker_force_n"])
+            force = smooth_force(history["time_s"], history["striker_force_n"], PLATE_WINDOW)
             width = 1.0 if reading.early else 2.2
             axes.plot(1e3 * history["time_s"], force, lw=width, label=reading.meaning)
     axes.plot(1.75, 600, "D", mfc="none", mec="tab:red", ms=9, label="experiments, P1, t1")
     axes.fill_between([6.4, 9.4], 600, 830, color="tab:red", alpha=0.15, lw=0)
     axes.text(7.9, 800, "experiments, P2 and t2", color="tab:red", ha="center", va="top")
     axes.axvline(7.5, color="tab:red", ls="--", lw=1, label="paper's LDEM, t2")
-    axes.set(xlabel="time [ms]", ylabel="striker force, mean over 0.2 ms [N]", xlim=(0, 10))
+    quantity = f"striker force, mean over {in_words(PLATE_WINDOW)} [N]"
+    axes.set(xlabel="time [ms]", ylabel=quantity, xlim=(0, 10))
     axes.set_ylim(bottom=0)
     axes.grid(alpha=0.3)
     drawing.legend(loc="outside lower center", ncols=2, fontsize=9)

@@ -30,6 +30,10 @@ class SceneError(ValueError):
         super().__init__(line if len(line) <= 1000 else f"{line[:996]} ...")
 
 
+class SceneNote(UserWarning):
+    """A change that was made to a scene so that an override fits; one line for the user."""
+
+
 class SimulationStopped(RuntimeError):
     """The guard stopped the run; ``str(error)`` names time, step, place and likely cause."""
 

@@ -19,6 +19,7 @@ Mask = NDArray[np.bool_]
 FAINT_SHARE = 1 / 6
 DEPTH_SHARE = 1 / 3
 THROUGH_SHARE = 2 / 3
+CORE_SHARE = 0.5
 
 
 class BrokenBars(Protocol):
@@ -96,9 +97,11 @@ def crack_map(
 
 
 def core_of(at: CrackMap, mask: Mask) -> Mask:
-    """The crushed core: a plate's thickness around the axis, and every broad part that touches it.
+    """The crushed core: a plate's thickness around the axis, and the broad part that surrounds it.
 
-    A part is broad where a disc with the plate's thickness as its radius fits into it.
+    A part is broad where a disc with the plate's thickness as its radius fits into it. It surrounds
+    the axis up to the largest circle of which it covers half; what reaches further out is a wide
+    arm, a crack.
     """
     from scipy import ndimage
 
@@ -108,7 +111,18 @@ def core_of(at: CrackMap, mask: Mask) -> Mask:
     broad = ndimage.binary_opening(mask, i * i + j * j <= half * half)
     parts, _ = ndimage.label(broad | disc, np.ones((3, 3)))
     core: Mask = np.isin(parts, np.unique(parts[disc]))
-    return core
+    return disc | (core & (at.radius() <= _surrounding(at, core)))
+
+
+def _surrounding(at: CrackMap, core: Mask) -> float:
+    """Radius of the largest circle around the axis of which a mask covers half, m.
+
+    Circles are a module wide; what lies off the plate counts for nothing.
+    """
+    circle = np.floor(at.radius() / at.spacing).astype(int)
+    covered = np.bincount(circle[core], minlength=circle.max() + 1)
+    whole = np.flatnonzero(covered >= CORE_SHARE * np.bincount(circle.ravel()))
+    return float(whole.max(initial=-1) + 1) * at.spacing
 
 
 def connected(at: CrackMap, time: float) -> tuple[Mask, Mask]:

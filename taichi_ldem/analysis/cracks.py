@@ -8,7 +8,7 @@ those of the plate. docs/cracks.md gives the definitions, their grounds and thei
   levels (n modules through the thickness); it is cracked through from two thirds on. Such bars
   cross every crack except one parallel to the plate, so that delamination and damage of one face
   do not count as cracks.
-- **Radial crack**: a branch of the map's skeleton from a tip to the crushed core around the
+- **Radial crack**: a branch of the map's skeleton from a tip to the crushed core that surrounds the
   striker's axis, of which at least half belongs to no other crack. Its tip is where it has
   reached a sixth of the thickness, since a crack in bending is longest on the face in tension.
 - **d_r**: the diameter of the circle through the tips of the radial cracks at t2 (largest strain
@@ -39,13 +39,13 @@ from taichi_ldem.analysis.crackmap import (
 )
 from taichi_ldem.analysis.radial import RadialCrack, circle_through_tips, radial_cracks
 from taichi_ldem.analysis.skeleton import closed, pixel_lengths, thin
+from taichi_ldem.analysis.window import PLATE_WINDOW
 from taichi_ldem.scene import Plate, Scene
 
 Array = NDArray[np.float64]
 
 RING_BAND = 0.25
 RING_COVERAGE = 0.5
-SPEED_WINDOW = 0.2e-3
 
 
 @dataclass(frozen=True)
@@ -56,14 +56,16 @@ class Growth:
         time: (n,) s.
         tip_radius: (n,) distance of the furthest radial tip from the striker's axis, m; NaN before
             a radial crack has left the core, and after the time of the radial map.
-        tip_speed: (n,) slope of ``tip_radius`` over 0.2 ms, m/s; NaN where that has none.
+        tip_speed: (n,) slope of ``tip_radius`` over a window, m/s; NaN where that has none.
         length: (n,) length of all cracks outside of the core, m.
+        window: of the speed, s.
     """
 
     time: Array
     tip_radius: Array
     tip_speed: Array
     length: Array
+    window: float
 
 
 @dataclass(frozen=True)
@@ -158,6 +160,7 @@ def measure(
     axis: tuple[float, float] = (0.0, 0.0),
     radial_time: float | None = None,
     time: Array | None = None,
+    window: float = PLATE_WINDOW,
 ) -> Cracks:
     """Measure cracks from broken bars.
 
@@ -168,6 +171,7 @@ def measure(
         radial_time: just before the circular crack, s; None: radial cracks are counted at the end,
             and the circular crack is recognised by its direction alone.
         time: (n,) of the growth curves, s; None: the times at which bars broke.
+        window: over which the tips' speed is taken, s.
     """
     at = crack_map(bars, plate, axis)
     through = crack_map(bars, plate, axis, THROUGH_SHARE)
@@ -187,7 +191,7 @@ def measure(
         ring,
         coverage,
         points,
-        _growth(at, radial, radial_time, time),
+        _growth(at, radial, radial_time, time, window),
     )
 
 
@@ -232,7 +236,11 @@ def circular_crack(at: CrackMap, after: float | None) -> tuple[Circle | None, fl
 
 
 def _growth(
-    at: CrackMap, radial: tuple[RadialCrack, ...], radial_time: float, time: Array
+    at: CrackMap,
+    radial: tuple[RadialCrack, ...],
+    radial_time: float,
+    time: Array,
+    window: float,
 ) -> Growth:
     tip = np.full(len(time), np.nan)
     if radial:
@@ -245,10 +253,10 @@ def _growth(
     arrival = first_arrival(at.arrival)[skeleton]
     length = _sum_until(time, arrival, pixel_lengths(skeleton) * at.spacing)
     if not len(time):
-        return Growth(time, tip, tip, length)
-    half = 0.5 * SPEED_WINDOW
+        return Growth(time, tip, tip, length, window)
+    half = 0.5 * window
     ends = [np.interp(time + s, time, tip, np.nan, np.nan) for s in (-half, half)]
-    return Growth(time, tip, (ends[1] - ends[0]) / SPEED_WINDOW, length)
+    return Growth(time, tip, (ends[1] - ends[0]) / window, length, window)
 
 
 def _largest_until(time: Array, arrival: Array, value: Array) -> Array:

@@ -71,6 +71,7 @@ NUMBERS: dict[str, Number] = {
     "failure_time_s": Number("failure t2 (force)", *_MS),
     "failure_time_velocity_s": Number("failure t2 (velocity)", *_MS),
     "failure_time_energy_s": Number("failure t2 (energy)", *_MS),
+    "smoothing_window_s": Number("window of smoothed forces", *_MS),
     "peak_load_n": Number("peak load (ASTM D3763)", "N"),
     "peak_load_time_s": Number("its time", *_MS),
     "deflection_at_peak_load_m": Number("deflection at peak load", *_MM),

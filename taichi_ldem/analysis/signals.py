@@ -1,7 +1,8 @@
 """Numbers that are read from the records of forces, energies and velocities.
 
-Forces are smoothed by a zero-phase moving average over 0.2 ms. That is a third of the period of
-the first free oscillation of the paper's specimen: oscillations remain, sampling noise does not.
+Forces are smoothed by a zero-phase moving average over a window, about a third of the period of the
+specimen's first free oscillation (``analysis.window``): oscillations remain, sampling noise does
+not.
 
 - Damage onset: the first sample whose dissipated energy exceeds a thousandth of G_f H^2, the energy
   of a crack through the thickness H that is H long.
@@ -18,8 +19,8 @@ the first free oscillation of the paper's specimen: oscillations remain, samplin
 The paper advises to read t2 from records without oscillations (text on Figs. 13 and 14):
 
 - t2 from the strain energy: the time of its largest value, if it later falls below half of that.
-- t2 from the velocity: the time at which the striker's deceleration (change of velocity over
-  0.2 ms) falls most, if the mean deceleration from 0.2 ms later to the end is less than half.
+- t2 from the velocity: the time at which the striker's deceleration (change of velocity over a
+  window) falls most, if the mean deceleration from a window later to the end is less than half.
 
 Filtered force (Fig. 11(a)): low-pass at a free-oscillation frequency of the specimen, for t > t1.
 ASTM D3763: load and deflection at the largest load, energy to it, and total energy.
@@ -31,7 +32,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-SMOOTHING_WINDOW = 0.2e-3
 ONSET_SHARE = 1e-3
 PEAK_DROP = 0.03
 FAILURE_SHARE = 0.5
@@ -70,7 +70,7 @@ class Puncture:
     total_energy: float | None = None
 
 
-def smooth_force(time: Array, force: Array, window: float = SMOOTHING_WINDOW) -> Array:
+def smooth_force(time: Array, force: Array, window: float) -> Array:
     """Zero-phase moving average of an evenly sampled record; the window shrinks at both ends.
 
     Args:
@@ -78,12 +78,17 @@ def smooth_force(time: Array, force: Array, window: float = SMOOTHING_WINDOW) ->
     """
     if len(time) < 2:
         return np.asarray(force, dtype=float).copy()
-    half = round(0.5 * window / float(time[1] - time[0]))
+    half = _half(time, window)
     total = np.concatenate([[0.0], np.cumsum(force)])
     index = np.arange(len(force))
     reach = np.minimum(half, np.minimum(index, len(force) - 1 - index))
     smooth: Array = (total[index + reach + 1] - total[index - reach]) / (2 * reach + 1)
     return smooth
+
+
+def _half(time: Array, window: float) -> int:
+    """Number of samples in half of a window (s)."""
+    return round(0.5 * window / float(time[1] - time[0]))
 
 
 def damage_onset(
@@ -99,21 +104,23 @@ def damage_onset(
     return float(time[above[0]]) if len(above) else None
 
 
-def force_peaks(time: Array, force: Array, onset: float | None) -> ForcePeaks:
+def force_peaks(time: Array, force: Array, onset: float | None, window: float) -> ForcePeaks:
     """First and second peak and the time of failure (see the module).
 
     Args:
-        time: (n,) s. force: (n,) striker force, N. onset: damage onset, s; without it, no peaks.
+        time: (n,) s, evenly spaced. force: (n,) striker force, N. onset: damage onset, s; without
+            it, no peaks. window: s.
     """
     if onset is None:
         return ForcePeaks()
-    smooth = smooth_force(time, force)
+    smooth = smooth_force(time, force, window)
     begin = int(np.searchsorted(time, onset))
     first = _first_peak(smooth, begin)
     if first is None:
         return ForcePeaks()
     if first == begin:  # the moving average falls before a sudden fall of the force
-        first = _largest_before(time, smooth, begin)
+        start = max(0, begin - _half(time, window))
+        first = start + int(np.argmax(smooth[start : begin + 1]))
     found = ForcePeaks(float(smooth[first]), float(time[first]))
     end = _failure(smooth, begin)
     if end < len(time):
@@ -139,12 +146,6 @@ def _first_peak(smooth: Array, start: int) -> int | None:
         elif smooth[index] < (1 - PEAK_DROP) * smooth[best]:
             return best
     return None
-
-
-def _largest_before(time: Array, smooth: Array, index: int) -> int:
-    """Index of the largest force within half a window before an index."""
-    begin = int(np.searchsorted(time, time[index] - 0.5 * SMOOTHING_WINDOW))
-    return begin + int(np.argmax(smooth[begin : index + 1]))
 
 
 def _failure(smooth: Array, start: int) -> int:
@@ -176,17 +177,19 @@ def energy_failure(time: Array, strain: Array) -> float | None:
     return float(time[peak]) if strain[peak:].min() < FAILURE_SHARE * strain[peak] else None
 
 
-def velocity_failure(time: Array, velocity: Array, onset: float | None) -> float | None:
+def velocity_failure(
+    time: Array, velocity: Array, onset: float | None, window: float
+) -> float | None:
     """Failure time t2 from the striker's velocity, s (see the module), or None.
 
     Args:
         time: (n,) s, evenly spaced. velocity: (n,) m/s, positive towards the plate. onset: damage
-            onset, s; without it, no failure.
+            onset, s; without it, no failure. window: s.
     """
     if onset is None or len(time) < 3:
         return None
     step = float(time[1] - time[0])
-    width = max(1, round(SMOOTHING_WINDOW / step))
+    width = max(1, round(window / step))
     # near the end of the record half of the window is enough
     index = np.arange(max(width, int(np.searchsorted(time, onset))), len(time) - (width + 1) // 2)
     if not len(index):
@@ -230,17 +233,17 @@ def low_pass(time: Array, force: Array, cutoff: float, start: float | None) -> A
     return filtered
 
 
-def puncture(time: Array, force: Array, displacement: Array) -> Puncture:
+def puncture(time: Array, force: Array, displacement: Array, window: float) -> Puncture:
     """Quantities of ASTM D3763.
 
     Args:
         time: (n,) s, evenly spaced. force: (n,) N, each the mean since the sample before.
-        displacement: (n,) of the striker towards the plate, m.
+        displacement: (n,) of the striker towards the plate, m. window: of the smoothed force, s.
     """
     if not np.any(force):
         return Puncture()
     work = np.append(0.0, np.cumsum(force[1:] * np.diff(displacement)))
-    smooth = smooth_force(time, force)
+    smooth = smooth_force(time, force, window)
     peak = int(np.argmax(smooth))
     return Puncture(
         float(smooth[peak]),

@@ -10,7 +10,7 @@ from typing import Any
 
 import typer
 
-from taichi_ldem.cli import ensemble, paper, run, show, study
+from taichi_ldem.cli import ensemble, notes, paper, run, show, study
 from taichi_ldem.errors import ExitCode, SceneError
 
 # Typer's own copy of Click's class, or Click's: it depends on Typer's version
@@ -41,7 +41,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments = sys.argv[1:] if arguments is None else arguments
     try:
         # outside of its standalone mode Typer returns the code of typer.Exit
-        return int(app(list(arguments) or ["--help"], "ldem", standalone_mode=False) or 0)
+        with notes.printed():
+            return int(app(list(arguments) or ["--help"], "ldem", standalone_mode=False) or 0)
     except UsageError as error:
         message = " ".join(error.format_message().split())
         return _complain(message + _hint(error), ExitCode.BAD_INPUT)

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from taichi_ldem.analysis.cracks import Cracks
 from taichi_ldem.analysis.paper import is_papers_test
-from taichi_ldem.analysis.signals import SMOOTHING_WINDOW, smooth_force
+from taichi_ldem.analysis.signals import smooth_force
+from taichi_ldem.analysis.window import in_words, smoothing_window
 from taichi_ldem.ensemble.attempt import FINISHED
 from taichi_ldem.ensemble.plan import CV, MEMBERS, SEED
 from taichi_ldem.ensemble.results import Row, groups, numbers_of
@@ -37,6 +38,9 @@ _MS = 1e3
 MOST_PANELS = 12
 MOST_COLUMNS = 8
 ALONE_ACROSS = 4
+
+AVERAGED = "averaged_force_n"
+"""The striker's force averaged over the window of its scene, next to the columns of a history."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +88,7 @@ def draw_all(folder: Path, rows: Sequence[Row]) -> list[Path]:
     if not finished or any(row.member.scene.striker is None for row in finished):
         return []
     runs = {row.member.name: RunFolder(folder / MEMBERS / row.member.name) for row in finished}
-    histories = {name: run.read_history() for name, run in runs.items()}
+    histories = {row.member.name: _averaged(row, runs[row.member.name]) for row in finished}
     sets = make_sets(finished, histories)
     draws: list[tuple[str, Callable[[Figure], None]]] = [
         ("force_envelope", lambda figure: draw_force(figure, sets)),
@@ -99,6 +103,14 @@ def draw_all(folder: Path, rows: Sequence[Row]) -> list[Path]:
             ("cracks_at_end", lambda figure: sheet(figure, panels, final=True)),
         ]
     return [save(folder / f"{name}.png", draw, dpi=130) for name, draw in draws]
+
+
+def _averaged(row: Row, run: RunFolder) -> History:
+    """A member's history with its averaged force."""
+    history = run.read_history()
+    window = smoothing_window(row.member.scene)
+    force = smooth_force(history["time_s"], history["striker_force_n"], window)
+    return {**history, AVERAGED: force}
 
 
 def make_sets(finished: Sequence[Row], histories: Mapping[str, History]) -> list[Set]:
@@ -162,10 +174,11 @@ def make_panels(
 
 def draw_force(figure: Figure, sets: Sequence[Set]) -> None:
     """Striker force, one panel for each group."""
-    quantity = f"striker force,\nmean over {_MS * SMOOTHING_WINDOW:g} ms [N]"
-    panels = _panels(figure, sets, quantity)
+    windows = sorted({smoothing_window(row.member.scene) for s in sets for row in s.rows})
+    over = " to ".join(dict.fromkeys(in_words(window) for window in (windows[0], windows[-1])))
+    panels = _panels(figure, sets, f"striker force,\nmean over {over} [N]")
     for axes, group in zip(panels, sets, strict=True):
-        _draw_band(axes, group, _force)
+        _draw_band(axes, group, itemgetter(AVERAGED))
         _mark_times(axes, group)
         if group.papers:
             draw_elements(axes, experiments_force())
@@ -222,10 +235,6 @@ def _panels(figure: Figure, sets: Sequence[Set], quantity: str) -> list[Axes]:
         axes.set_xlabel("time [ms]")
         axes.tick_params(labelbottom=True)
     return panels
-
-
-def _force(history: History) -> Series:
-    return smooth_force(history["time_s"], history["striker_force_n"])
 
 
 def _draw_band(axes: Axes, group: Set, value: Callable[[History], Series]) -> None:

@@ -163,7 +163,7 @@ class Lattice:
         Args:
             axis: 0, 1, 2 for a plane normal to x, y, z.
             position: of the plane along the axis, m. A plane through nodes is taken to lie just
-                above them, so that it separates two node planes.
+                beyond them (``beyond``), so that it separates two node planes.
             lower, upper: corners of the rectangle along the two other axes, in the order x, y, z,
             m.
             angle: of the specimen's axes, in which the rectangle is given, to the lattice's, about
@@ -176,7 +176,8 @@ class Lattice:
         if angle:
             first, vectors = turned(first, angle), turned(vectors, angle)
         others = [a for a in range(3) if a != axis]
-        plane = position + 1e-6 * self.spacing
+        middle = 0.5 * self.modules[2] * self.spacing if axis == 2 else 0.0
+        plane = beyond(position, middle, self.spacing)
         cut = np.zeros(self.sites, dtype=np.uint16)
         existing = self.bar_exists()
         for bar, vector in enumerate(vectors):
@@ -191,6 +192,16 @@ class Lattice:
                 hit &= (place >= low - tolerance) & (place <= high + tolerance)
             cut |= hit.astype(np.uint16) << bar
         return cut
+
+
+def beyond(position: float, middle: float, spacing: float) -> float:
+    """The place of a plane that does not go through nodes, m: a little further from the middle.
+
+    So planes that are mirror images of each other stay that. One in the middle itself has to lie on
+    one side of the nodes there, and lies above them.
+    """
+    side = -1.0 if position < middle - 1e-6 * spacing else 1.0
+    return position + side * 1e-6 * spacing
 
 
 def turned(places: npt.NDArray[np.float64], angle: float) -> npt.NDArray[np.float64]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_ldem.analysis.paper import is_papers_test
-from taichi_ldem.analysis.signals import SMOOTHING_WINDOW
+from taichi_ldem.analysis.window import smoothing_window
 from taichi_ldem.scenarios.registry import SCENARIOS
 from taichi_ldem.scene import Scene, load_scene
 from taichi_ldem.storage.folder import RunFolder
@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     from taichi_ldem.analysis.cracks import Cracks
 
 Series = NDArray[np.float64]
-
-_BEAM_WINDOW = 60e-6
-"""Averages the oscillation of a beam of the paper's size between its contacts, s."""
 
 
 def number(summary: Mapping[str, Any], key: str) -> float | None:
@@ -89,7 +86,7 @@ class LoadedRun:
     @property
     def window(self) -> float:
         """Time over which forces are averaged, s."""
-        return _BEAM_WINDOW if self.is_beam else SMOOTHING_WINDOW
+        return smoothing_window(self.scene)
 
     @cached_property
     def cracks(self) -> Cracks | None:

@@ -13,6 +13,7 @@ from taichi_ldem.model import crack_cost
 from taichi_ldem.model import material as mat
 from taichi_ldem.model.disorder import cv_from_shape, shape_of
 from taichi_ldem.scenarios import leave_out
+from taichi_ldem.scenarios.resolution import unresolved
 from taichi_ldem.scene import Scene
 from taichi_ldem.scene.weibull import strength_by_volume
 from taichi_ldem.solver.contact import BODIES
@@ -107,7 +108,7 @@ def warnings(scene: Scene, steps: int | None = None) -> list[str]:
         steps: number of steps of the run; None: it is estimated.
     """
     plate, m = scene.plate, scene.material
-    lines = _slips(scene, steps)
+    lines = [*_slips(scene, steps), *unresolved(scene)]
     c11, c12, c44 = mat.elastic_constants(m.youngs_modulus, m.poisson_ratio, plate.stiffness)
     anisotropy = 2 * c44 / (c11 - c12)
     if not 0.2 <= m.poisson_ratio <= 0.3 or plate.stiffness == "as-printed":

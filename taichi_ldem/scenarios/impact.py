@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from taichi_ldem.analysis import signals
+from taichi_ldem.analysis.window import smoothing_window
 from taichi_ldem.scenarios.runner import History
 from taichi_ldem.storage.folder import RunFolder
 
@@ -19,7 +20,7 @@ def summary(simulation: "Simulation", history: History, folder: RunFolder) -> di
     The definitions are those of ``analysis.signals`` and ``analysis.cracks``.
     """
     scene, last = simulation.scene, history[-1]
-    time_s = _column(history, "time_s")
+    time_s, window = _column(history, "time_s"), smoothing_window(scene)
     onset, peaks, load, failure = None, signals.ForcePeaks(), signals.Puncture(), None
     if scene.material.damage and scene.material.fracture_energy is not None:
         fracture = _column(history, "fracture_j")
@@ -27,12 +28,12 @@ def summary(simulation: "Simulation", history: History, folder: RunFolder) -> di
         onset = signals.damage_onset(time_s, fracture, scene.material.fracture_energy, height)
         if scene.striker is not None:
             force = _column(history, "striker_force_n")
-            peaks = signals.force_peaks(time_s, force, onset)
+            peaks = signals.force_peaks(time_s, force, onset, window)
             velocity = _column(history, "striker_velocity_m_s")
-            failure = signals.velocity_failure(time_s, velocity, onset)
+            failure = signals.velocity_failure(time_s, velocity, onset, window)
     if scene.striker is not None:
         displacement = _column(history, "striker_displacement_m")
-        load = signals.puncture(time_s, _column(history, "striker_force_n"), displacement)
+        load = signals.puncture(time_s, _column(history, "striker_force_n"), displacement, window)
     return {
         "damage_onset_time_s": onset,
         "first_peak_force_n": peaks.first_force,
@@ -42,6 +43,7 @@ def summary(simulation: "Simulation", history: History, folder: RunFolder) -> di
         "failure_time_s": peaks.failure_time,
         "failure_time_velocity_s": failure,
         "failure_time_energy_s": signals.energy_failure(time_s, _column(history, "strain_j")),
+        "smoothing_window_s": window,
         "peak_load_n": load.peak_load,
         "peak_load_time_s": load.peak_time,
         "deflection_at_peak_load_m": load.peak_deflection,

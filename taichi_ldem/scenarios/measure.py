@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from taichi_ldem.analysis.cracks import Cracks, measure
 from taichi_ldem.analysis.signals import energy_failure
+from taichi_ldem.analysis.window import smoothing_window
 from taichi_ldem.scene import load_scene
 from taichi_ldem.storage.fields import read_broken_bars
 from taichi_ldem.storage.folder import RunFolder
@@ -24,4 +25,5 @@ def measure_run(folder: RunFolder) -> Cracks | None:
     history = folder.read_history()
     time, strain = history["time_s"], history["strain_j"]
     position = scene.striker.position if scene.striker else (0.0, 0.0)
-    return measure(bars, scene.plate, position, energy_failure(time, strain), time)
+    failure, window = energy_failure(time, strain), smoothing_window(scene)
+    return measure(bars, scene.plate, position, failure, time, window)

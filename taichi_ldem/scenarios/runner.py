@@ -403,7 +403,7 @@ def _write_summary(recorder: Recorder, summary: Summary, seconds: float, compile
     """Write the numbers of a finished run."""
     scene, history = recorder.simulation.scene, recorder.history
     for body in bodies_of(scene):
-        for line in body.warnings(history):
+        for line in body.warnings(scene, history):
             print(f"warning: {line}", file=sys.stderr)
     numbers = summary(recorder.simulation, history, recorder.folder)
     numbers |= cost(recorder.simulation, history, seconds, compiled)

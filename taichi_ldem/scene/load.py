@@ -1,17 +1,19 @@
 """Scenes as text: TOML files, overrides of single keys, and writing back."""
 
 import sys
-from collections.abc import Sequence
+import warnings
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import tomli_w
 from pydantic import BaseModel
 
-from taichi_ldem.errors import SceneError
+from taichi_ldem.errors import SceneError, SceneNote
 from taichi_ldem.scene.messages import nearest
-from taichi_ldem.scene.schema import single_tables
-from taichi_ldem.scene.tables import DISORDERED
+from taichi_ldem.scene.schema import is_list, single_tables
+from taichi_ldem.scene.tables import DISORDERED, Output
+from taichi_ldem.scene.values import show
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -30,10 +32,15 @@ EXCLUSIVE: dict[tuple[str, ...], str] = {
 
 
 class Override(NamedTuple):
-    """A key of a scene, by table and name, and its new value."""
+    """A key of a scene, by table and name, and its new value.
+
+    Attributes:
+        repeated: whether a scene may have several tables of this name.
+    """
 
     path: tuple[str, ...]
     value: object
+    repeated: bool = False
 
     @property
     def key(self) -> str:
@@ -96,7 +103,8 @@ def _parse_override(text: str, schema: type[BaseModel]) -> Override:
     if len(path) == 2 and path[0] not in schema.model_fields:
         hint = nearest(path[0], single_tables(schema))
         raise SceneError(f"--set {text}: unknown section '{path[0]}'; {hint}")
-    return Override(path, _parse_value(text, value))
+    repeated = len(path) == 2 and is_list(schema.model_fields[path[0]])
+    return Override(path, _parse_value(text, value), repeated)
 
 
 def _parse_value(text: str, value: str) -> object:
@@ -114,14 +122,68 @@ def apply_overrides(data: dict[str, Any], overrides: Sequence[Override]) -> dict
     """The same tables, changed in place in the order of the overrides.
 
     Raises:
-        SceneError: a section that is a list of tables.
+        SceneError: a section of which the scene does not have exactly one table.
     """
     for override in overrides:
         table = data
         for section in override.path[:-1]:
-            table = table.setdefault(section, {})
-            if not isinstance(table, dict):
-                raise SceneError(f"--set {override.key}: '{section}' is not a single table")
+            table = _single(override, table.setdefault(section, [] if override.repeated else {}))
         table[override.path[-1]] = override.value
         table.pop(EXCLUSIVE.get(override.path, ""), None)
+    given = {override.path for override in overrides}
+    if ("solver", "duration") in given:
+        _end_earlier(data, given)
     return data
+
+
+def _single(override: Override, table: Any) -> dict[str, Any]:
+    """The table that an override is for; of tables that may be repeated, the only one."""
+    section = override.path[0]
+    if override.repeated and isinstance(table, list | tuple):
+        if len(table) != 1:
+            raise SceneError(
+                f"--set {override.key}: needs a scene with one table [[{section}]], and this one "
+                f"has {len(table)}; change the file"
+            )
+        table = table[0]
+    if not isinstance(table, dict):
+        raise SceneError(f"--set {override.key}: '{section}' is not a table")
+    return table
+
+
+def _end_earlier(data: dict[str, Any], given: Collection[tuple[str, ...]]) -> None:
+    """Fit the scene's output to an end that an override has put before some of it, with notes.
+
+    A short run of a scene must not ask for more overrides than that of its duration. What another
+    override asks for stays as it is.
+    """
+    end, output = data["solver"]["duration"], data.get("output", {})
+    if not _is_number(end) or not isinstance(output, dict):
+        return  # refused by the checks
+    whole = f"solver.duration = {show(end)}"
+    times = output.get("image_times")
+    if isinstance(times, list | tuple) and ("output", "image_times") not in given:
+        late = [time for time in times if _is_number(time) and time > end]
+        if late:
+            output["image_times"] = [time for time in times if time not in late]
+            _note(f"output.image_times: left out what lies after {whole}: {show(late)}")
+    default = Output.model_fields["history_interval"].default
+    for key, interval, shorter, text in (
+        ("history_interval", output.get("history_interval", default), end, "rows"),
+        ("field_interval", output.get("field_interval"), 0.0, "fields"),
+    ):
+        if ("output", key) not in given and _is_number(interval) and interval > end > 0:
+            data["output"] = output | {key: shorter}
+            output = data["output"]
+            _note(
+                f"output.{key} = {show(interval)} is longer than {whole}: there are {text} at the "
+                "start and at the end"
+            )
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _note(text: str) -> None:
+    warnings.warn(text, SceneNote, stacklevel=2)

@@ -7,10 +7,20 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
-from taichi_ldem.scene.schema import is_list, length_of, single_tables, table_of, tables_of
+from taichi_ldem.scene.schema import (
+    is_list,
+    length_of,
+    limits_of,
+    single_tables,
+    table_of,
+    tables_of,
+)
 from taichi_ldem.scene.values import show
 
 Location = tuple[int | str, ...]
+
+LARGEST_SHOWN = 1e9
+"""Limits above it say how numbers are stored, not what a key means."""
 
 NATURAL = {
     "thickness": "plate.size = [x, y, thickness]",
@@ -100,6 +110,7 @@ def _missing(location: Location, data: object, schema: type[BaseModel]) -> str:
 def _wish(fault: ErrorDetails, location: Location, schema: type[BaseModel]) -> str:
     """What would be right for a value that is not."""
     context = fault.get("ctx", {})
+    other = _other_limit(fault["type"], location, schema)
     plain = {
         "float_type": "must be a number",
         "int_type": "must be a whole number",
@@ -108,14 +119,31 @@ def _wish(fault: ErrorDetails, location: Location, schema: type[BaseModel]) -> s
         "model_type": "must be a table",
         "model_attributes_type": "must be a table",
         "literal_error": f"must be {context.get('expected', '').replace(chr(39), chr(34))}",
-        "greater_than": f"must be greater than {context.get('gt')}",
-        "greater_than_equal": f"must be at least {context.get('ge')}",
-        "less_than": f"must be less than {context.get('lt')}",
-        "less_than_equal": f"must be at most {context.get('le')}",
+        "greater_than": f"must be greater than {context.get('gt')}{other}",
+        "greater_than_equal": f"must be at least {context.get('ge')}{other}",
+        "less_than": f"must be less than {context.get('lt')}{other}",
+        "less_than_equal": f"must be at most {context.get('le')}{other}",
     }
     if fault["type"] in ("tuple_type", "too_long"):
         return f"must be a list of {_elements(location, schema)}"
     return plain.get(fault["type"], fault["msg"].replace("Input should", "must"))
+
+
+def _other_limit(kind: str, location: Location, schema: type[BaseModel]) -> str:
+    """The limit on the other side of the one that a number is beyond; "" where there is none."""
+    fields = _table_at(location[:-1], schema).model_fields if len(location) > 1 else {}
+    field = fields.get(str(location[-1]))
+    if field is None or not kind.startswith(("greater", "less")):
+        return ""
+    limits = limits_of(field.annotation, field.metadata)
+    words = {">": "greater than", ">=": "at least", "<": "less than", "<=": "at most"}
+    other = "<" if kind.startswith("greater") else ">"
+    found = [
+        f" and {words[sign]} {limit:g}"
+        for sign, limit in limits.items()
+        if sign.startswith(other) and abs(limit) <= LARGEST_SHOWN
+    ]
+    return "".join(found)
 
 
 def _elements(location: Location, schema: type[BaseModel]) -> str:

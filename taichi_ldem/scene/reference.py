@@ -12,12 +12,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from annotated_types import Ge, Gt, Le, Lt
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from taichi_ldem.scene import Scene
-from taichi_ldem.scene.schema import is_list, table_of
+from taichi_ldem.scene.schema import is_list, limits_of, table_of
 from taichi_ldem.scene.values import OneOf
 
 HEAD = """# Scene keys
@@ -98,15 +97,8 @@ def _values(kind: Any, metadata: Sequence[Any] = ()) -> str:
 
 
 def _limits(metadata: Sequence[Any]) -> str:
-    found = []
-    for item in metadata:
-        parts = getattr(item, "metadata", None) or [item]  # a Field within Annotated
-        for part in parts:
-            for limit, sign in ((Gt, ">"), (Ge, ">="), (Lt, "<"), (Le, "<=")):
-                if isinstance(part, limit):
-                    value = getattr(part, limit.__name__.lower())
-                    found.append(f" {sign} {value:g}")
-    return ",".join(dict.fromkeys(found))
+    found = limits_of(None, metadata)
+    return ",".join(f" {sign} {value:g}" for sign, value in found.items())
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -124,7 +125,8 @@ def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
     """Read a scene file, apply `section.key=value` overrides in order, and validate.
 
     Values of overrides are TOML values; bare words are taken as strings. An override of
-    material.failure_strain replaces the file's failure_factor, and the other way round.
+    material.failure_strain replaces the file's failure_factor, and the other way round. One of
+    solver.duration leaves out what the file's output has after the new end, with a ``SceneNote``.
 
     Raises:
         SceneError: file, an override or a value is not acceptable; one line.
@@ -162,9 +164,10 @@ def parse_scene(
         # a misspelt key also shows up as a missing one: name the cause, not the consequence
         faults = sorted(error.errors(), key=lambda fault: fault["type"] != "extra_forbidden")
         message = messages.explain(faults[0], data, Scene)
+        # --set names no number of the only table of its kind
+        plain = re.sub(r"^(unknown key ')?(\w+)\[0\]\.", r"\1\2.", message)
         if any(
-            message.startswith((f"{key} =", f"{key}[", f"unknown key '{key}'"))
-            for key in overridden
+            plain.startswith((f"{key} =", f"{key}[", f"unknown key '{key}'")) for key in overridden
         ):
             name = "command line"
         raise SceneError(f"{name}: {message}") from None

@@ -1,9 +1,10 @@
 """The schema seen from outside: which tables and lists a scene has, read from its class."""
 
 import typing
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
+from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
@@ -38,6 +39,20 @@ def length_of(field: FieldInfo) -> int | None:
         if typing.get_origin(kind) is tuple and Ellipsis not in typing.get_args(kind):
             return len(typing.get_args(kind))
     return None
+
+
+def limits_of(kind: Any, metadata: Sequence[Any] = ()) -> dict[str, float]:
+    """The limits of a number of a type with metadata, by their signs: ">", ">=", "<", "<="."""
+    found: dict[str, float] = {}
+    for inner in _flat(kind):
+        if typing.get_origin(inner) is typing.Annotated:
+            metadata = [*typing.get_args(inner)[1:], *metadata]
+    for item in metadata:
+        for part in getattr(item, "metadata", None) or [item]:  # a Field within Annotated
+            for limit, sign in ((Gt, ">"), (Ge, ">="), (Lt, "<"), (Le, "<=")):
+                if isinstance(part, limit):
+                    found[sign] = getattr(part, limit.__name__.lower())
+    return found
 
 
 def _flat(kind: Any) -> Iterator[Any]:

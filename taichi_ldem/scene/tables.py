@@ -212,7 +212,8 @@ class Material(Table):
     """Elasticity and fracture. With `damage = false` the fracture keys are not needed."""
 
     youngs_modulus: Positive = Field(description="Young's modulus E, Pa")
-    poisson_ratio: Annotated[Real, Field(lt=0.5), AfterValidator(_braced)] = Field(
+    # _braced first: it says why 0 is refused
+    poisson_ratio: Annotated[Real, AfterValidator(_braced), Field(gt=0, lt=0.5)] = Field(
         description="Poisson's ratio nu, above 0; the lattice is isotropic at 0.25 only"
     )
     density: Positive = Field(description="mass density, kg/m3")
@@ -458,6 +459,12 @@ class Output(Table):
     image_times: tuple[NonNegative, ...] = Field(
         default=(), description="times of the snapshots, s"
     )
+    smoothing_window: Positive | None = Field(
+        default=None,
+        description="time over which forces are averaged before peaks are read, and in figures, s;"
+        " without it, 0.2 ms for the paper's plate and for others in proportion to the period of"
+        " their first oscillation (docs/cracks.md)",
+    )
     filter_frequencies: tuple[Positive, ...] = Field(
         default=(), description="cut-off frequencies of the filtered forces in the force figure, Hz"
     )
@@ -468,10 +475,17 @@ class Output(Table):
 
 
 class Notch(Table):
-    """A plane of cut bars: a rectangle normal to an axis. Its bars are removed, not broken."""
+    """A plane of cut bars: a rectangle normal to an axis. Its bars are removed, not broken.
+
+    A scene with one notch takes `--set notch.position=...` and the like.
+    """
 
     normal: Axis = Field(description="axis to which the plane of the notch is normal")
-    position: Real = Field(description="position of the plane along its normal, m")
+    position: Real = Field(
+        description="position of the plane along its normal, m. A plane through nodes lies just"
+        " beyond them, away from the middle of the plate, so that mirrored notches are mirrored;"
+        " in the middle itself it lies on the side of larger coordinates"
+    )
     from_: tuple[Real, Real] = Field(  # `from` is a keyword
         alias="from",
         description="corner of the rectangle: its other two coordinates in the order x, y, z, m",

@@ -38,6 +38,7 @@ MAY_DIFFER = (
     "solver.threads",
     "output.checkpoint_interval",
     "output.image_times",
+    "output.smoothing_window",
     "output.filter_frequencies",
 )
 """Keys of scene.toml that may be changed between a checkpoint and its resume."""

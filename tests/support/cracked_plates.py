@@ -51,6 +51,14 @@ class Drawing:
         share = np.linspace(0.0, 1.0, 4000)
         self.curve(share[:, None] * tip, start + share * (end - start), depth)
 
+    def wide_ray(self, tip: np.ndarray, width: float) -> None:
+        """A band of parallel cracks from the plate's centre to a tip, half a module apart."""
+        across = np.array([-tip[1], tip[0]]) / np.hypot(*tip)
+        share = np.linspace(0.0, 1.0, 4000)
+        time = START + share * (END - START)
+        for off in np.arange(-width / 2, width / 2, 0.5 * self.plate.spacing):
+            self.curve(share[:, None] * tip + off * across, time)
+
     def arc(self, centre: np.ndarray, radius: float, begin: float, stop: float) -> None:
         """A part of a ring between two angles, after END."""
         angle = np.linspace(begin, stop, 6000)

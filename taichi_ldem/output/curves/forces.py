@@ -7,6 +7,7 @@ import numpy as np
 from taichi_ldem.analysis import paper
 from taichi_ldem.analysis.quantities import named
 from taichi_ldem.analysis.signals import low_pass, smooth_force
+from taichi_ldem.analysis.window import in_words
 from taichi_ldem.output.curves.chart import (
     BLUE,
     BROWN,
@@ -79,7 +80,7 @@ def whole(run: LoadedRun) -> tuple[float, float]:
 
 
 def _average(run: LoadedRun) -> str:
-    return f"mean over {_MS * run.window:g} ms"
+    return f"mean over {in_words(run.window)}"
 
 
 def _averaged(run: LoadedRun, column: str) -> Series:

@@ -10,6 +10,7 @@ import numpy as np
 
 from taichi_ldem.analysis.crackmap import CrackMap
 from taichi_ldem.analysis.cracks import Cracks
+from taichi_ldem.analysis.window import in_words
 from taichi_ldem.output.curves.cracks import (
     CIRCULAR,
     RADIAL,
@@ -85,7 +86,7 @@ def growth(figure: Figure, cracks: Cracks, area: np.ndarray[Any, Any]) -> tuple[
         )
     upper.set_ylabel("distance from the\nstriker's axis [mm]")
     middle.plot(time, grown.tip_speed, color=RADIAL, linewidth=1.2)
-    middle.set_ylabel("speed of that tip\nover 0.2 ms [m/s]")
+    middle.set_ylabel(f"speed of that tip\nover {in_words(grown.window)} [m/s]")
     lower.plot(time, _MM**2 * area, color="C4", label="broken area")
     lower.set_ylabel("broken area [mm$^2$]")
     lower.set_ylim(bottom=0.0)

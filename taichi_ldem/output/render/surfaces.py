@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_ldem.model.lattice import turned
+from taichi_ldem.model.lattice import beyond, turned
 from taichi_ldem.scene import Notch
 from taichi_ldem.storage.fields import Fields
 
@@ -76,12 +76,12 @@ def notched(fields: Fields, notches: Sequence[Notch], angle: float = 0.0) -> NDA
     middle = turned(low + edge / 2, angle) if angle else low + edge / 2
     # a module of edge 1 reaches so far to either side of its middle along each axis
     reach = np.array([abs(math.cos(angle)) + abs(math.sin(angle))] * 2 + [1.0]) / 2
+    half_way = (0.0, 0.0, 0.5 * float(fields.points[:, 2].max()))  # through the plate
     found = np.zeros(len(low), dtype=bool)
     for notch in notches:
         normal, *axes = notch.axes
-        # a plane through nodes lies just beyond them (Lattice.bars_crossing)
-        off = (notch.position - middle[:, normal]) / edge
-        cut = (off > -reach[normal] - 1e-6) & (off < reach[normal] - 1e-6)
+        off = (beyond(notch.position, half_way[normal], edge) - middle[:, normal]) / edge
+        cut = np.abs(off) < reach[normal]
         for axis, (start, stop) in zip(axes, notch.bounds, strict=True):
             cut &= (middle[:, axis] > start) & (middle[:, axis] < stop)
         found |= cut

@@ -72,7 +72,7 @@ class Body:
         body.name = self.name
         return body
 
-    def warnings(self, history: list[dict[str, Any]]) -> list[str]:
+    def warnings(self, scene: Scene, history: list[dict[str, Any]]) -> list[str]:
         """Lines about a finished run that its reader should know, from the history's rows."""
         return []
 

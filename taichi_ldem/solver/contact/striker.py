@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_ldem.analysis.signals import smooth_force
+from taichi_ldem.analysis.window import smoothing_window
 from taichi_ldem.scene import Scene
 from taichi_ldem.scene import Striker as Table
 from taichi_ldem.solver.contact.declaration import Body, Observable
@@ -49,11 +50,24 @@ class Striker(Body):
 
         return Kernels
 
-    def warnings(self, history: list[dict[str, Any]]) -> list[str]:
-        """A line where the striker has never touched the plate."""
-        if any(row["striker_force_n"] for row in history):
+    def warnings(self, scene: Scene, history: list[dict[str, Any]]) -> list[str]:
+        """A line where the striker has never touched the plate, with the reason."""
+        striker = scene.striker
+        if striker is None or any(row["striker_force_n"] for row in history):
             return []
-        return ["the striker never touched the plate; see striker.gap and solver.duration"]
+        way = max(row["striker_displacement_m"] for row in history)
+        if way <= striker.gap:
+            why = (
+                f"it has come {way:.4g} m of striker.gap = {striker.gap:g} in "
+                f"solver.duration = {scene.solver.duration:g}"
+            )
+        else:
+            size = striker.diameter / scene.plate.spacing
+            why = (
+                f"it has passed the top face by {way - striker.gap:.4g} m beside all nodes; see "
+                f"striker.position and striker.diameter, {size:.3g} modules"
+            )
+        return [f"the striker never touched the plate: {why}"]
 
     def drawing(self, scene: Scene, history: Mapping[str, Floats], time: float) -> Drawing | None:
         """The striker where the history has it at a time; not above a beam on supports."""
@@ -63,8 +77,9 @@ class Striker(Body):
         times = np.asarray(history["time_s"], dtype=float)
         _, width, thickness = scene.plate.actual_size
         tip = thickness + scene.striker.gap - float(np.interp(time, times, path))
-        force = smooth_force(times, np.asarray(history["striker_force_n"], dtype=float))
-        felt = abs(round(float(np.interp(time, times, force))))  # mean over 0.2 ms
+        sampled = np.asarray(history["striker_force_n"], dtype=float)
+        force = smooth_force(times, sampled, smoothing_window(scene))
+        felt = abs(round(float(np.interp(time, times, force))))
         return Drawing(
             f"blue: the striker, force on it {felt:.0f} N",
             striker_faces(scene.striker, width, tip),

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from taichi_ldem.analysis import signals
+from taichi_ldem.analysis.window import smoothing_window
 from taichi_ldem.scene import Scene
 from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.studies.convergence.plan import Point
@@ -107,27 +108,16 @@ def _record(study: Study, point: Point, seed: int, place: tuple[float, float]) -
 
 
 def read(folder: Path, scene: Scene) -> dict[str, Any]:
-    """The numbers of a finished run; peaks with a smoothing window that fits its plate."""
+    """The numbers of a finished run."""
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     history = RunFolder(folder).read_history()
-    # ``signals`` smooths over a third of the first period of the paper's specimen. Periods of
-    # plates of one thickness are proportional to the square of the rings' radius.
-    assert scene.clamp is not None
-    assert scene.clamp.inner_diameter is not None
-    slower = (0.076 / scene.clamp.inner_diameter) ** 2
-    time_s = slower * history["time_s"]
+    time_s, force = history["time_s"], history["striker_force_n"]
     onset = summary["damage_onset_time_s"]
-    peaks = signals.force_peaks(
-        time_s, history["striker_force_n"], None if onset is None else slower * onset
-    )
-
-    def real(value: float | None) -> float | None:
-        return None if value is None else value / slower
-
+    peaks = signals.force_peaks(time_s, force, onset, smoothing_window(scene))
     return {
-        "t1": real(peaks.first_time),
+        "t1": peaks.first_time,
         "P1": peaks.first_force,
-        "t2": real(peaks.failure_time),
+        "t2": peaks.failure_time,
         "fracture": summary["fracture_j"],
         "d_r": summary["radial_diameter_m"],
         "d_c": summary["circular_diameter_m"],

@@ -179,6 +179,20 @@ def test_a_fork_counts_twice_if_its_prongs_are_most_of_it(fork: float, count: in
     assert len(measure(drawing.bars(), PLATE).radial) == count
 
 
+@pytest.mark.parametrize("turn", [0.0, 27.0])
+@pytest.mark.parametrize("wide", [(90, 270), (0, 90, 180, 270), (180,)])
+def test_a_wide_arm_is_an_arm(wide: tuple[int, ...], turn: float) -> None:
+    """A cross with arms of two and a half thicknesses: before, these were core."""
+    drawing, tips = Drawing(), [ray(angle + turn, 20e-3) for angle in (0, 90, 180, 270)]
+    for angle, tip in zip((0, 90, 180, 270), tips, strict=True):
+        drawing.wide_ray(tip, 8e-3) if angle in wide else drawing.ray(tip)
+    cracks = measure(drawing.bars(), PLATE, radial_time=BEFORE_RING)
+    assert len(cracks.radial) == 4
+    assert cracks.radial_circle is not None
+    # the skeleton of a wide arm ends up to half of its width off the middle of its end
+    assert cracks.radial_circle.diameter == pytest.approx(40e-3, abs=4e-3)
+
+
 def test_no_circle_through_tips_on_one_side() -> None:
     cracks = measure(star(0, 50, 100).bars(), PLATE)
     assert len(cracks.radial) == 3
@@ -334,6 +348,17 @@ def test_a_real_run_counted_by_hand() -> None:
     assert 0.5 <= cracks.circular_coverage <= 0.75
     # tip of the longest: 4 mm at 0.85 ms, 10 mm at 2.0 ms, read off maps at those times
     assert cracks.mean_speed == pytest.approx(6e-3 / 1.15e-3, rel=0.25)
+
+
+def test_a_cross_with_wide_arms_counted_by_hand() -> None:
+    """`ldem impact configs/impact_small.toml`, f64, until t2 by the strain energy: 4191 bars.
+
+    By eye on its cracks.png: a cross. The arms along x are thin, those along y seven modules wide,
+    with tips at (+-12, -0.5), (0, 10), (0, -10.5) mm. Three cracks were counted of it.
+    """
+    plate = Plate(size=(0.0464, 0.0464, 0.0016), modules_through_thickness=3)
+    cracks = measure(stored("impact_small_cross", plate), plate, radial_time=2.11e-3)
+    assert_tips(cracks, 1e-3 * np.array([(12, -0.5), (-12, -0.5), (0, 10), (0, -10.5)]), 1e-3)
 
 
 def test_a_run_at_full_width_counted_by_hand() -> None:

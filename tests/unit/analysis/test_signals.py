@@ -15,6 +15,7 @@ from taichi_ldem.analysis.signals import (
 
 TIME = np.arange(0.0, 10e-3, 1e-5)  # s, the default sampling
 ONSET = 1.0e-3
+WINDOW = 0.2e-3
 
 
 def _record(*corners: tuple[float, float]) -> np.ndarray:
@@ -29,13 +30,13 @@ TWO_PEAKS = (0, 0), (1.5, 600), (2.0, 600), (2.5, 450), (6.0, 750), (6.5, 750), 
 
 def test_the_filter_keeps_straight_lines_and_the_ends() -> None:
     line = 300.0 + 2e5 * TIME
-    np.testing.assert_allclose(smooth_force(TIME, line), line, rtol=1e-10)
-    assert smooth_force(TIME[:1], np.array([3.0]))[0] == 3.0
+    np.testing.assert_allclose(smooth_force(TIME, line, WINDOW), line, rtol=1e-10)
+    assert smooth_force(TIME[:1], np.array([3.0]), WINDOW)[0] == 3.0
 
 
 def test_the_filter_averages_a_fifth_of_a_millisecond() -> None:
     omega = 2 * np.pi * 2500.0
-    smooth = smooth_force(TIME, np.sin(omega * TIME))
+    smooth = smooth_force(TIME, np.sin(omega * TIME), WINDOW)
     # mean of 21 samples of a sine: sin(21 x / 2) / (21 sin(x / 2)), and no shift in time
     x = omega * 1e-5
     gain = np.sin(21 * x / 2) / (21 * np.sin(x / 2))
@@ -51,7 +52,7 @@ def test_onset_is_a_thousandth_of_a_crack_through_the_thickness() -> None:
 
 
 def test_two_peaks_and_failure() -> None:
-    peaks = force_peaks(TIME, _record(*TWO_PEAKS), ONSET)
+    peaks = force_peaks(TIME, _record(*TWO_PEAKS), ONSET, WINDOW)
     assert peaks.first_force == pytest.approx(600.0, rel=1e-10)
     assert 1.59e-3 <= peaks.first_time <= 1.91e-3  # on the top, a filter's half width inside
     assert peaks.second_force == pytest.approx(750.0, rel=1e-10)
@@ -64,8 +65,8 @@ def test_two_peaks_and_failure() -> None:
 def test_noise_and_an_inertial_peak_before_onset_change_nothing() -> None:
     noise = 60.0 * np.sin(2 * np.pi * 20e3 * TIME)
     inertial = 500.0 * np.exp(-(((TIME - 0.5e-3) / 0.1e-3) ** 2))
-    plain = force_peaks(TIME, _record(*TWO_PEAKS), ONSET)
-    noisy = force_peaks(TIME, _record(*TWO_PEAKS) + noise + inertial, ONSET)
+    plain = force_peaks(TIME, _record(*TWO_PEAKS), ONSET, WINDOW)
+    noisy = force_peaks(TIME, _record(*TWO_PEAKS) + noise + inertial, ONSET, WINDOW)
     assert noisy.first_force == pytest.approx(plain.first_force, rel=0.02)
     assert noisy.second_force == pytest.approx(plain.second_force, rel=0.02)
     assert noisy.failure_time == pytest.approx(plain.failure_time, abs=2e-5)
@@ -73,7 +74,7 @@ def test_noise_and_an_inertial_peak_before_onset_change_nothing() -> None:
 
 def test_a_fall_of_less_than_three_percent_is_no_peak() -> None:
     shallow = _record((0, 0), (1.5, 600), (2, 600), (2.5, 585), (6, 750), (6.5, 750), (6.6, 50))
-    peaks = force_peaks(TIME, shallow, ONSET)
+    peaks = force_peaks(TIME, shallow, ONSET, WINDOW)
     assert peaks.first_force == pytest.approx(750.0, rel=1e-10)
     assert peaks.second_force is None
     assert peaks.failure_time == pytest.approx(6.57e-3, abs=2e-5)
@@ -81,24 +82,24 @@ def test_a_fall_of_less_than_three_percent_is_no_peak() -> None:
 
 def test_what_a_record_does_not_show_is_none() -> None:
     rising = _record((0, 0), (10, 900))
-    assert force_peaks(TIME, rising, ONSET) == ForcePeaks()
-    assert force_peaks(TIME, _record(*TWO_PEAKS), None) == ForcePeaks()
+    assert force_peaks(TIME, rising, ONSET, WINDOW) == ForcePeaks()
+    assert force_peaks(TIME, _record(*TWO_PEAKS), None, WINDOW) == ForcePeaks()
     cut = TIME < 5e-3  # ends before the plate fails
-    peaks = force_peaks(TIME[cut], _record(*TWO_PEAKS)[cut], ONSET)
+    peaks = force_peaks(TIME[cut], _record(*TWO_PEAKS)[cut], ONSET, WINDOW)
     assert peaks.first_force == pytest.approx(600.0, rel=1e-10)
     assert (peaks.second_force, peaks.second_time, peaks.failure_time) == (None, None, None)
 
 
 def test_what_comes_back_after_failure_is_no_peak() -> None:
-    plain = force_peaks(TIME, _record(*TWO_PEAKS), ONSET)
+    plain = force_peaks(TIME, _record(*TWO_PEAKS), ONSET, WINDOW)
     back = _record(*TWO_PEAKS[:-1], (7.5, 100), (8, 800), (8.5, 800), (8.6, 20), (10, 20))
-    assert force_peaks(TIME, back, ONSET) == plain
+    assert force_peaks(TIME, back, ONSET, WINDOW) == plain
 
 
 def test_cracks_that_pop_in_are_no_failure() -> None:
     """The force falls to a third at once and comes back; the onset is the moment of the fall."""
     plain = (1.75, 600), (1.8, 200), (3, 350), (6.5, 700), (6.6, 50), (10, 50)
-    peaks = force_peaks(TIME, _record((0, 0), *plain), 1.75e-3)
+    peaks = force_peaks(TIME, _record((0, 0), *plain), 1.75e-3, WINDOW)
     # the average over 0.2 ms of a force that rises by 600 N in 1.75 ms is largest 0.1 ms before
     # the fall, or a little later, as the fall takes 0.05 ms
     assert peaks.first_time == pytest.approx(1.66e-3, abs=2e-5)
@@ -110,7 +111,7 @@ def test_cracks_that_pop_in_are_no_failure() -> None:
 def test_a_plate_that_fails_at_its_first_peak_has_no_second() -> None:
     debris = (3.0, 100), (3.2, 150), (3.4, 20), (10, 20)  # the plug, caught by the striker
     record = _record((0, 0), (1.5, 600), (2.0, 600), (2.1, 50), *debris)
-    peaks = force_peaks(TIME, record, ONSET)
+    peaks = force_peaks(TIME, record, ONSET, WINDOW)
     assert peaks.first_force == pytest.approx(600.0, rel=1e-10)
     assert (peaks.second_force, peaks.second_time) == (None, None)
     # half of 600 where the window holds 0.2 ms of a fall of 550 N in 0.1 ms, x = t - 2 ms:
@@ -152,15 +153,15 @@ def test_failure_by_velocity_is_where_the_deceleration_ends() -> None:
     for gravity in (0.0, 9.81):
         pull = np.where(TIME < 7.5e-3, force / 18.49, 0.0) - gravity
         velocity = 1.065 - np.append(0.0, np.cumsum(pull[:-1] * 1e-5))
-        assert velocity_failure(TIME, velocity, ONSET) == pytest.approx(7.5e-3, abs=5e-5)
+        assert velocity_failure(TIME, velocity, ONSET, WINDOW) == pytest.approx(7.5e-3, abs=5e-5)
         # a record that ends a tenth of a millisecond later still shows it
         short = TIME < 7.61e-3
-        assert velocity_failure(TIME[short], velocity[short], ONSET) == pytest.approx(
+        assert velocity_failure(TIME[short], velocity[short], ONSET, WINDOW) == pytest.approx(
             7.5e-3, abs=5e-5
         )
-        assert velocity_failure(TIME, velocity, None) is None
+        assert velocity_failure(TIME, velocity, None, WINDOW) is None
     steady = 1.065 - 600.0 / 18.49 * TIME
-    assert velocity_failure(TIME, steady, ONSET) is None
+    assert velocity_failure(TIME, steady, ONSET, WINDOW) is None
 
 
 def test_puncture_of_a_spring_that_breaks() -> None:
@@ -169,11 +170,11 @@ def test_puncture_of_a_spring_that_breaks() -> None:
     # the history's force is the mean since the last sample
     middle = displacement - 0.5e-5
     force = np.where((displacement > 0) & (displacement <= 4e-3 + 1e-9), stiffness * middle, 0.0)
-    found = puncture(TIME, force, displacement)
+    found = puncture(TIME, force, displacement, WINDOW)
     # the average over 0.2 ms is largest 0.1 ms before the end: 780 N
     assert found.peak_load == pytest.approx(stiffness * 3.9e-3, rel=0.01)
     assert found.peak_time == pytest.approx(3.9e-3, abs=2e-5)
     assert found.peak_deflection == pytest.approx(3.9e-3, abs=2e-5)
     assert found.peak_energy == pytest.approx(stiffness * 3.9e-3**2 / 2, rel=0.01)
     assert found.total_energy == pytest.approx(stiffness * 4e-3**2 / 2, rel=1e-6)
-    assert puncture(TIME, 0 * force, displacement) == Puncture()
+    assert puncture(TIME, 0 * force, displacement, WINDOW) == Puncture()

@@ -103,7 +103,9 @@ BAD = {
         "material.poisson_ratio = 0.0: must be greater than 0: "
         "at 0 the diagonal bars have no stiffness, and a lattice without them is a mechanism",
     ),
-    "incompressible": Bad("= 0.25", "= 0.5", "material.poisson_ratio = 0.5: must be less than 0.5"),
+    "incompressible": Bad(
+        "= 0.25", "= 0.5", "material.poisson_ratio = 0.5: must be less than 0.5 and greater than 0"
+    ),
     "nan": Bad(MASS, "mass = nan", "striker.mass = nan: must be a finite number"),
     "infinity": Bad(MASS, "mass = inf", "striker.mass = inf: must be a finite number"),
     "zero_duration": Bad(STEP, "duration = 0", "solver.duration = 0: must be greater than 0"),
@@ -284,6 +286,19 @@ def test_a_bad_scene_is_refused_in_one_line(
     assert [path.name for path in good.parent.iterdir()] == ["scene.toml"]
 
 
+def test_an_earlier_end_is_noted_on_a_line_of_its_own(
+    good: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    good.write_text(GOOD + "[output]\nimage_times = [1e-3, 6e-3]\n")
+    settings = ["--set", "solver.duration=5e-3", "--set", "striker.mass=-1"]
+    assert main(["impact", str(good), *settings]) == 2
+    note, error = capsys.readouterr().err.splitlines()
+    assert note == (
+        "note: output.image_times: left out what lies after solver.duration = 0.005: [0.006]"
+    )
+    assert error.startswith("error: command line: striker.mass = -1: must be greater than 0")
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -296,10 +311,10 @@ def test_a_bad_scene_is_refused_in_one_line(
         (["--set", "striker.mass="], "the value is neither TOML nor a bare word"),
         (["--set", "striker.mass=-1"], "command line: striker.mass = -1: must be greater than 0"),
         (["--set", "plate.size=[1, 1, inf]"], "command line: plate.size[2] = inf: must be a fin"),
-        (["--set", "notch.a\nb=1"], "--set notch.a b: 'notch' is not a single table"),
+        (["--set", "notch.a\nb=1"], "command line: unknown key 'notch[0].a b'"),
         (["--set", "solver.a\nb=1"], "unknown key 'solver.a b'"),
         (["--set", f"solver.{'a' * 10000}=1"], "unknown key 'solver.aaa"),
-        (["--set", "notch.position=1"], "'notch' is not a single table"),
+        (["--set", "notch.position=1"], "command line: notch[0].position = 1.0: must lie inside"),
         (["--set", "disorder.seed=1"], "table '[disorder]' names no property that varies"),
         (["--set", "solver.arch=cpu", "--arch", "gpgpu"], 'solver.arch = "gpgpu": must be "cpu"'),
         (["--precision", "f16"], 'solver.precision = "f16": must be "f64" or "f32"'),
@@ -426,4 +441,5 @@ def test_a_process_refuses_in_one_line(good: Path) -> None:
     process = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert process.returncode == 2
     assert process.stdout == ""
-    assert process.stderr == "error: command line: solver.threads = 0: must be at least 1\n"
+    fault = "command line: solver.threads = 0: must be at least 1 and at most 1024"
+    assert process.stderr == f"error: {fault}\n"

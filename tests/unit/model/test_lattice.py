@@ -95,6 +95,24 @@ def test_a_plane_cuts_the_bars_whose_ends_it_parts(axis: int, position: float) -
     assert bits.sum() == parted.sum()
 
 
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("position", [0.5, 1.0])
+def test_mirrored_planes_through_nodes_cut_mirrored_bars(axis: int, position: float) -> None:
+    """Before, both cut the bars above their nodes."""
+    lattice, body = Lattice(prism(4, 4, 4), 1.0), Body(prism(4, 4, 4), 1.0)
+    shift = 2.0 if axis == 2 else 0.0
+    parted = []
+    for side in (-1, 1):
+        cut = lattice.bars_crossing(axis, shift + side * position, (-9.0, -9.0), (9.0, 9.0))
+        bars = body.bar_values(cut[..., None] >> np.arange(14) & 1, lattice.bar_midpoints) == 1
+        ends = side * (body.positions[body.ends][..., axis] - shift)
+        np.testing.assert_array_equal(
+            bars, (ends.min(axis=1) <= position) & (ends.max(axis=1) > position)
+        )
+        parted.append(bars.sum())
+    assert parted[0] == parted[1] > 0
+
+
 @pytest.mark.parametrize("angle", [12.0, 22.5, 45.0])
 def test_a_turned_plane_cuts_the_bars_whose_ends_it_parts(angle: float) -> None:
     """Counted from the nodes' places, with the plane's normal turned by hand."""

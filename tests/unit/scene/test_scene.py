@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 from support.paths import CONFIGS
+from support.refusals import one_line
 
-from taichi_ldem.errors import SceneError
-from taichi_ldem.scene import Scene, load_scene, parse_scene, scene_to_toml
+from taichi_ldem.errors import SceneError, SceneNote
+from taichi_ldem.scene import Scene, load_scene, parse_scene, parse_scene_text, scene_to_toml
 
 SCENE_FILES = sorted(CONFIGS.glob("*.toml"))
 
@@ -214,3 +215,69 @@ def test_a_byte_order_mark_and_windows_line_ends_are_read(minimal: Path) -> None
     plain = load_scene(minimal)
     minimal.write_bytes(b"\xef\xbb\xbf" + MINIMAL.replace("\n", "\r\n").encode())
     assert load_scene(minimal) == plain
+
+
+# -- overrides that shorten a run ------------------------------------------------------------------
+
+
+def test_an_earlier_end_leaves_out_later_snapshots_with_a_note() -> None:
+    with pytest.warns(SceneNote) as notes:
+        scene = load_scene(CONFIGS / "impact.toml", ["solver.duration=5e-3"])
+    assert [str(note.message) for note in notes] == [
+        "output.image_times: left out what lies after solver.duration = 0.005: [0.006, 0.008]"
+    ]
+    assert scene.output.image_times == (1.75e-3,)
+    assert parse_scene_text(scene_to_toml(scene), "x") == scene
+
+
+def test_an_end_before_the_first_interval_stores_the_start_and_the_end() -> None:
+    with pytest.warns(SceneNote) as notes:
+        scene = load_scene(CONFIGS / "impact.toml", ["solver.duration=5e-6"])
+    said = " ".join(str(note.message) for note in notes)
+    assert "output.history_interval = 1e-05 is longer than solver.duration = 5e-06" in said
+    assert "output.field_interval = 0.0005 is longer than solver.duration = 5e-06" in said
+    assert scene.output.history_interval == 5e-6
+    assert scene.field_times == (0.0, 5e-6)
+
+
+def test_what_an_override_asks_for_after_the_end_is_refused() -> None:
+    settings = ["solver.duration=5e-3", "output.image_times=[6e-3]"]
+    with pytest.raises(SceneError, match=r"^command line: output\.image_times = 0\.006: must lie"):
+        load_scene(CONFIGS / "impact.toml", settings)
+    with pytest.raises(SceneError, match=r"^command line: output\.field_interval = 0\.006"):
+        load_scene(
+            CONFIGS / "impact.toml",
+            ["solver.duration=5e-3", "output.field_interval=6e-3", "output.image_times=[]"],
+        )
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_later_end_gives_no_note() -> None:
+    scene = load_scene(CONFIGS / "impact.toml", ["solver.duration=0.02"])
+    assert scene.output == load_scene(CONFIGS / "impact.toml").output
+    with pytest.raises(SceneError, match=r'solver\.duration = "long": must be a number'):
+        load_scene(CONFIGS / "impact.toml", ["solver.duration=long"])
+
+
+# -- overrides of the only notch -------------------------------------------------------------------
+
+
+def test_an_override_changes_the_only_notch(full: Path) -> None:
+    scene = load_scene(full, ["notch.position=1e-3", "notch.from=[-0.02, 0]"])
+    assert scene.notch[0].position == 1e-3
+    assert scene.notch[0].from_ == (-0.02, 0.0)
+    assert scene.changed("notch.normal=x").notch[0].normal == "x"
+    with pytest.raises(SceneError, match=r"^command line: notch\[0\]\.position = 1\.0: must lie"):
+        load_scene(full, ["notch.position=1"])
+
+
+def test_an_override_of_a_notch_needs_exactly_one(full: Path, minimal: Path) -> None:
+    other = "[[notch]]\nnormal = 'x'\nposition = 0\nfrom = [0, 0]\nto = [0.01, 1e-3]\n"
+    full.write_text(full.read_text() + other)
+    for path, count in ((minimal, 0), (full, 2)):
+        with pytest.raises(SceneError) as refused:
+            load_scene(path, ["notch.position=1e-3"])
+        assert one_line(refused) == (
+            "--set notch.position: needs a scene with one table [[notch]], and this one has "
+            f"{count}; change the file"
+        )

@@ -131,9 +131,11 @@ def test_the_guard_names_what_bars_suffer(
 def test_a_clamp_that_holds_nothing_is_refused(taichi: None) -> None:
     from taichi_ldem.solver.simulation import Simulation
 
-    clamp = {"kind": "bonded", "inner_diameter": 2.05 * SPACING, "outer_diameter": 2.1 * SPACING}
+    # the corners of the four modules in the middle lie 1.41 modules off it
+    plate = {"shape": "disc", "diameter": 3 * SPACING}
+    clamp = {"kind": "rim", "inner_diameter": 3 * SPACING}
     with pytest.raises(SceneError, match=r"^clamp\.inner_diameter = .*holds no node"):
-        Simulation(block_scene(4, 4, 1, clamp=clamp))
+        Simulation(block_scene(4, 4, 1, plate=plate, clamp=clamp))
 
 
 # -- reset -----------------------------------------------------------------------------------------

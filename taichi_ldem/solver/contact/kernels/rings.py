@@ -14,7 +14,7 @@ from taichi_ldem.solver.contact.kernels.nearby import vec3d
 from taichi_ldem.solver.dynamics import Dynamics
 
 if TYPE_CHECKING:
-    from taichi_ldem.scene import Scene
+    from taichi_ldem.scene import Clamp, Scene
 
 # the entries of ``numbers``
 INNER, OUTER, HEIGHT = range(3)
@@ -41,6 +41,23 @@ def fixed_nodes(
     return np.flatnonzero(held).astype(np.int32)
 
 
+def refuse_narrow(clamp: "Clamp", spacing: float) -> None:
+    """Refuse a ring that is narrower than a module (m).
+
+    Raises:
+        SceneError: it would hold only the nodes that happen to lie in it.
+    """
+    if clamp.outer_diameter is None or clamp.kind == "rim":
+        return
+    assert clamp.inner_diameter is not None
+    least = clamp.inner_diameter + 2 * spacing
+    if clamp.outer_diameter < least - 1e-9 * spacing:
+        raise SceneError(
+            f"clamp.outer_diameter = {clamp.outer_diameter:g}: must be at least {least:.6g}, a "
+            "ring of one module: a narrower one holds only the nodes that happen to lie in it"
+        )
+
+
 @ti.data_oriented
 class Rings(RigidBody):
     """The holder of the plate: rigid rings on both faces, or permanently fixed nodes.
@@ -60,10 +77,11 @@ class Rings(RigidBody):
         """The layout of the scene's clamp.
 
         Raises:
-            SceneError: the clamp holds no node.
+            SceneError: the clamp holds no node, or only those that happen to lie in it.
         """
         clamp = scene.clamp
         assert clamp is not None
+        refuse_narrow(clamp, dynamics.lattice.spacing)
         assert clamp.inner_diameter is not None  # the scene refuses other clamps without it
         outer = clamp.outer_diameter if clamp.kind != "rim" else None
         numbers = (

@@ -12,7 +12,11 @@ from taichi_ldem.solver.contact.kernels.body import (
     Reading,
 )
 from taichi_ldem.solver.contact.kernels.nearby import vec3d
-from taichi_ldem.solver.contact.kernels.surface import FrictionlessBody, list_capacity
+from taichi_ldem.solver.contact.kernels.surface import (
+    FrictionlessBody,
+    list_capacity,
+    refuse_unseen,
+)
 from taichi_ldem.solver.contact.noses import nose_of
 from taichi_ldem.solver.dynamics import Dynamics, field_apart
 
@@ -50,12 +54,17 @@ class Striker(FrictionlessBody):
 
     @classmethod
     def layout_of(cls, dynamics: Dynamics, scene: "Scene") -> Layout:
-        """The layout of the scene's striker."""
+        """The layout of the scene's striker.
+
+        Raises:
+            SceneError: it fits between the nodes.
+        """
         table, lattice = scene.striker, dynamics.lattice
         assert table is not None
         tip = lattice.modules[2] * dynamics.spacing + table.gap
         numbers = (table.mass, 0.5 * table.diameter, table.gravity, *table.position, tip)
         along_y = nose_of(table.shape).along_y
+        refuse_unseen(lattice, "striker", table.diameter, [table.position], along_y=along_y)
         return Layout(
             numbers, list_capacity(lattice, table.diameter, along_y=along_y), kind=table.shape
         )

@@ -6,7 +6,11 @@ import taichi as ti
 
 from taichi_ldem.solver.contact.kernels.body import Layout
 from taichi_ldem.solver.contact.kernels.nearby import vec3d
-from taichi_ldem.solver.contact.kernels.surface import FrictionlessBody, list_capacity
+from taichi_ldem.solver.contact.kernels.surface import (
+    FrictionlessBody,
+    list_capacity,
+    refuse_unseen,
+)
 from taichi_ldem.solver.dynamics import Dynamics
 
 if TYPE_CHECKING:
@@ -29,9 +33,15 @@ class Supports(FrictionlessBody):
 
     @classmethod
     def layout_of(cls, dynamics: Dynamics, scene: "Scene") -> Layout:
-        """The layout of the scene's supports."""
+        """The layout of the scene's supports.
+
+        Raises:
+            SceneError: one of them fits between the nodes.
+        """
         table = scene.supports
         assert table is not None
+        axes = [(side * 0.5 * table.span, 0.0) for side in (-1, 1)]
+        refuse_unseen(dynamics.lattice, "supports", table.diameter, axes, along_y=True)
         capacity = 2 * list_capacity(dynamics.lattice, table.diameter, along_y=True)
         return Layout((0.5 * table.span, 0.5 * table.diameter), capacity)
 

@@ -1,7 +1,11 @@
 """Frictionless bodies: the base of the striker and of the supports."""
 
+from collections.abc import Sequence
+
+import numpy as np
 import taichi as ti
 
+from taichi_ldem.errors import SceneError
 from taichi_ldem.model.lattice import Lattice
 from taichi_ldem.solver.contact.kernels.body import CHUNK, SLACK, RigidBody
 from taichi_ldem.solver.contact.kernels.nearby import vec3d
@@ -17,6 +21,37 @@ def list_capacity(lattice: Lattice, diameter: float, *, along_y: bool) -> int:
     across = 2 * diameter / lattice.spacing + 4 * nz
     plan = min(across, nx + 1) * (ny + 1) if along_y else max(across**2, 10_000)
     return int(min(plan, (nx + 1) * (ny + 1)) * (2 * nz + 1))
+
+
+def refuse_unseen(
+    lattice: Lattice, name: str, diameter: float, axes: Sequence[Sequence[float]], *, along_y: bool
+) -> None:
+    """Refuse a body that fits between the nodes: it would go through the plate unseen.
+
+    Seen along z, the nodes of a regular lattice leave holes of one module's diameter. So only
+    bodies below two modules are looked at, which also holds for perturbed nodes and outlines.
+
+    Args:
+        name: of the body's table.
+        diameter: m.
+        axes: (x, y) of each axis along z that is part of the body, m.
+        along_y: whether the body is longer than the plate is wide, so that y does not count.
+
+    Raises:
+        SceneError: no node lies within half the diameter of an axis.
+    """
+    if diameter >= 2 * lattice.spacing:
+        return
+    place = lattice.positions()[lattice.exists()]
+    for axis in axes:
+        away = place[:, :2] - axis
+        distance = np.abs(away[:, 0]) if along_y else np.hypot(away[:, 0], away[:, 1])
+        if distance.min() > diameter / 2:
+            raise SceneError(
+                f"{name}.diameter = {diameter:g}: there is no node of the plate in its way at "
+                f"x = {axis[0]:.6g}, y = {axis[1]:.6g}; give at least {2 * distance.min():.4g}, "
+                f"better several modules of {lattice.spacing:.4g}"
+            )
 
 
 @ti.data_oriented

@@ -48,9 +48,9 @@ CASES = (
         {"striker.position": [0.1, 0.0]},
     ),
     refused(
-        "a clamp that holds nothing",
-        "no node between the circles",
-        "holds no node",
+        "a clamp narrower than a module",
+        "it holds the nodes that happen to lie there",
+        "a narrower one holds only",
         {"clamp.inner_diameter": 7.59e-3, "clamp.outer_diameter": 7.592e-3},
     ),
     refused("time step above the critical one", "unstable", "critical", {"solver.time_step": 5e-7}),
