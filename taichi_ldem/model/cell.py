@@ -27,6 +27,7 @@ bar    from, to                                                     exists where
 ====== ============================================================ ==============================
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -58,6 +59,8 @@ class UnitCell:
         family: [bar] its family: the row of a table of law parameters.
         shares: (256, bars) share of a whole bar by site byte, where surfaces are weighted.
         node_shares: (256, sublattices) mass of a node over that of a module, by site byte.
+        opening: at the tip of a crack, largest opening that counts over the elongation of the bar
+            ahead of it (``solver.tips``).
         numbering: of the bars, in words.
     """
 
@@ -66,6 +69,7 @@ class UnitCell:
     family: tuple[int, ...]
     shares: Array
     node_shares: Array
+    opening: float
     numbering: str
 
     @property
@@ -255,6 +259,9 @@ def _module() -> UnitCell:
         shares=np.stack(shares, axis=1).astype(float),
         # half a module's mass sits at its centre, the other half is spread over its corners
         node_shares=np.stack([MODULES.sum(axis=1) / 16, own / 2], axis=1),
+        # a bar that stands for the stress at L/2 ahead of a tip has the strain K / (E sqrt(pi L));
+        # where it fails at G_f, F w / 2 = G_f A gives w = 2 pi (l - L0)
+        opening=2 * math.pi,
         numbering="bar of a site: 0-2 corner edges along x, y, z; 3-5 centre-to-centre bars along "
         "x, y, z; 6 + 4 dz + 2 dy + dx diagonal from the centre to corner (dx, dy, dz) of its "
         "module",
@@ -272,6 +279,8 @@ def _cubic_26() -> UnitCell:
         family=(0,) * 3 + (1,) * 6 + (2,) * 4,
         shares=np.stack([_shared(vector) for vector in vectors], axis=1),
         node_shares=MODULES.sum(axis=1, keepdims=True) / 8,
+        # a crack in this lattice then costs G_f in the mean of all directions (docs/tension.md)
+        opening=2.0,
         numbering="bar of a site: 0-2 edges along x, y, z; 3-8 face diagonals along +x+y, +x-y, "
         "+x+z, +x-z, +y+z, +y-z; 9-12 cube diagonals along +x+y+z, +x+y-z, +x-y+z, +x-y-z",
     )

@@ -4,7 +4,7 @@ The paper's law knows a bar's own strain only, and a lattice whose modules are n
 l_ch must be loaded beyond G_f before the bar at a crack's tip reaches eps_p. With
 ``material.fracture = "crack"`` a bar also fails where this would release what it costs:
 
-    F w / 2 >= G_f A^f,     w <= OPENING (l - L0).
+    F w / 2 >= G_f A^f,     w <= c (l - L0).
 
 F is its force and w the largest elongation of the failed bars at its two nodes, which tells how far
 its own ends would part: the work that closes a crack by one bar again, as in virtual crack closure
@@ -24,15 +24,11 @@ from taichi_ldem.solver.lanes import HALO
 from taichi_ldem.solver.nodes import NodeAccess
 from taichi_ldem.solver.state import State
 
-OPENING = 2 * math.pi
-"""Largest opening that is counted, over the elongation of the bar ahead of it.
+PASSED = 4 * math.pi
+"""Opening over a bar's elongation from which on the tip has passed the bar: it is on a flank.
 
-A bar that stands for the stress at L/2 ahead of a tip has the strain K / (E sqrt(pi L)); if it
-fails at G_f, the work F w / 2 = G_f A with EA of a bar of area A gives w = 2 pi (l - L0).
+Twice that next to a tip in linear elasticity.
 """
-
-PASSED = 2 * OPENING
-"""Opening over a bar's elongation from which on the tip has passed the bar: it is on a flank."""
 
 
 @ti.data_oriented
@@ -177,7 +173,7 @@ class CrackTips:
                 peak = ti.max(self.state.peak[bar][at.k, at.j, at.m][lane], strain / own)
                 force = self.bars.integrity(bar, strain, peak) * strain
                 ratio = opening / (self.length_at_rest(bar, at, step, lane) * strain)
-                parts = strain * ti.min(ratio, OPENING)
+                parts = strain * ti.min(ratio, ti.static(self.state.cell.opening))
                 enough = force * parts >= 2 * self.cost(bar, at, lane, step)
                 if enough and ratio <= PASSED:
                     # in the step that ends here the force has fallen to zero already

@@ -66,7 +66,7 @@ def _expected(simulation: "Simulation", field: Array, scene_cost: tuple[float, .
         parted = max(opening[n] if count[n] <= lattice.cell.fewest_cut else 0.0 for n in nodes)
         own = strain[bar][tuple(site)]
         if parted > 0 and own > 0 and parted <= 4 * np.pi * own * rest[bar]:
-            share = min(parted / rest[bar], 2 * np.pi * own)
+            share = min(parted / rest[bar], lattice.cell.opening * own)
             fails[(bar, *site)] |= own * share / 2 >= scene_cost[lattice.cell.family[bar]]
     return fails
 
