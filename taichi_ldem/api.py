@@ -29,6 +29,7 @@ from taichi_ldem.scenarios.registry import entry_of
 from taichi_ldem.scene import Scene, load_scene, parse_scene
 from taichi_ldem.solver import backend
 from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.streams import courteous
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Sample
@@ -349,7 +350,8 @@ def run(
     given = as_scene(scene)
     entry = entry_of(given)
     close_all()
-    code = launch.run(entry, given, Path(out), force=force, quiet=quiet, draw=draw_run)
+    with courteous():
+        code = launch.run(entry, given, Path(out), force=force, quiet=quiet, draw=draw_run)
     if code:
         raise RuntimeError(f"the run in '{out}' ended with exit code {int(code)}")
     return RunFolder(Path(out))

@@ -30,8 +30,10 @@ def info(
     from rich.console import Console
 
     from taichi_ldem.scenarios.describe import describe
+    from taichi_ldem.streams import refuse_lost
 
     Console().print(describe(scene, measure, fields))
+    refuse_lost()
 
 
 def render(

@@ -73,7 +73,7 @@ class Conductor:
         """Run what is not finished.
 
         Returns:
-            DONE, MEMBERS_MISSING, INTERRUPTED or TERMINATED of ``ExitCode``.
+            DONE, MEMBERS_MISSING, INTERRUPTED, TERMINATED or HUNG_UP of ``ExitCode``.
         """
         stop_file(self.folder).unlink(missing_ok=True)
         waiting = [m for m in self.plan.members if not is_finished(self.folder / MEMBERS / m.name)]

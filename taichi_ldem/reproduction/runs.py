@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from taichi_ldem.analysis.paper import DISORDER_CVS
+from taichi_ldem.scenarios.interrupts import run_child
 from taichi_ldem.studies.bending import SPECIMENS
 
 CVS = ",".join(f"{cv:g}" for cv in (0.0, *DISORDER_CVS))
@@ -109,6 +110,9 @@ def conduct(
 
     Returns:
         The runs without a result, each with the reason.
+
+    Raises:
+        Signalled: a signal has ended the run that was going on.
     """
     failed: dict[str, str] = {}
     for name in names:
@@ -123,7 +127,7 @@ def conduct(
         started = time.perf_counter()
         (out / "logs").mkdir(parents=True, exist_ok=True)
         with (out / "logs" / f"{name}.log").open("w", encoding="utf-8") as log:
-            code = subprocess.run(command, stdout=log, stderr=subprocess.STDOUT).returncode
+            code = run_child(command, stdout=log, stderr=subprocess.STDOUT)
         tell(f"{name}: {time.perf_counter() - started:.0f} s")
         if code:
             last = (out / "logs" / f"{name}.log").read_text(encoding="utf-8").strip()

@@ -4,7 +4,7 @@ A scenario adds its numbers (``summary``) to those of the run. Files, progress, 
 guard are the same for all of them; figures are drawn by a function that the caller passes on.
 
 A run can be stopped at any moment and resumed. Checkpoints are written between two steps: on the
-scene's interval of wall time, on SIGINT and SIGTERM, and at the end.
+scene's interval of wall time, on SIGINT, SIGTERM and SIGHUP, and at the end.
 """
 
 import itertools
@@ -21,7 +21,7 @@ from rich.console import Console
 from taichi_ldem.errors import ExitCode, SceneError, SimulationStopped, TooManyNodes
 from taichi_ldem.scenarios.drawing import Draw
 from taichi_ldem.scenarios.field_output import FieldOutput
-from taichi_ldem.scenarios.interrupts import Interrupts, Signalled
+from taichi_ldem.scenarios.interrupts import WORDS, Interrupts, Signalled
 from taichi_ldem.scenarios.progress import announce, make_console, progress
 from taichi_ldem.scenarios.registry import entry_of
 from taichi_ldem.scene import Scene, load_scene, parse_scene, scene_to_toml
@@ -120,9 +120,9 @@ def run(
         instrument: its state is in no checkpoint, so a run with one takes none.
 
     Returns:
-        DONE, STOPPED (by the guard), UNWRITABLE, INTERRUPTED (Ctrl-C) or TERMINATED (SIGTERM) of
-        ``ExitCode``. What has been computed is kept, ``resume`` continues from the last checkpoint,
-        and only a finished run has a summary.json.
+        DONE, STOPPED (by the guard), UNWRITABLE, INTERRUPTED (Ctrl-C), TERMINATED (SIGTERM) or
+        HUNG_UP (SIGHUP) of ``ExitCode``. What has been computed is kept, ``resume`` continues from
+        the last checkpoint, and only a finished run has a summary.json.
 
     Raises:
         SceneError: the scene or the folder is refused; nothing has been written then.
@@ -328,7 +328,7 @@ def _complete(
         seconds = recorder.stepping_time()
         if code == ExitCode.DONE:
             _write_summary(recorder, summary, seconds, compiled)
-        if code != ExitCode.TERMINATED and draw is not None:
+        if code not in AT_ONCE and draw is not None:
             whole = code != ExitCode.INTERRUPTED
             pictures = whole and entry_of(recorder.simulation.scene).pictures
             for file in draw(folder, pictures=pictures):
@@ -375,10 +375,13 @@ def _step_through(console: Console, recorder: Recorder) -> None:
                 print(f"{text} at t = {sample.time:.6g} s; see solver.safety", file=sys.stderr)
 
 
+AT_ONCE = (ExitCode.TERMINATED, ExitCode.HUNG_UP)
+"""Ends after which nothing is drawn: whoever sent the signal kills after a grace period."""
+
+
 def _report_signal(recorder: Recorder, number: int) -> ExitCode:
-    word, code = "interrupted", ExitCode.INTERRUPTED
-    if number == signal.SIGTERM:
-        word, code = "terminated", ExitCode.TERMINATED
+    code = ExitCode(128 + number)
+    word = WORDS[code]
     kept = recorder.folder.path
     line = f"{word} at t = {recorder.simulation.time:.6g} s; kept in {kept}"
     if recorder.checkpoints is not None:

@@ -1,7 +1,6 @@
 """Records of a scene's runs, and their errors against the reference."""
 
 import json
-import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from taichi_ldem.errors import SceneError
+from taichi_ldem.scenarios.interrupts import run_child
 from taichi_ldem.scenarios.wave import delay
 from taichi_ldem.scene import Scene
 from taichi_ldem.storage.provenance import scene_hash
@@ -121,7 +121,8 @@ class Study:
             arguments = [word for text in settings for word in ("--set", text)]
             module = "taichi_ldem.studies.convergence.run"
             command = [sys.executable, "-m", module, str(self.file), str(file), *arguments, *more]
-            subprocess.run(command, check=True)
+            if code := run_child(command):
+                raise SceneError(f"{name}: its run ended with exit code {code}")
         found: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
         return found
 
