@@ -349,6 +349,8 @@ def run(
 
     given = as_scene(scene)
     entry = entry_of(given)
+    if isinstance(scene, (str, Path)):
+        RunFolder.check(Path(out), force=force, files=entry.writes, source=Path(scene))
     close_all()
     with courteous():
         code = launch.run(entry, given, Path(out), force=force, quiet=quiet, draw=draw_run)

@@ -99,7 +99,7 @@ def run(entry: Scenario, scene_file: Path, given: dict[str, Any]) -> None:
 
     from taichi_ldem.storage.folder import RunFolder
 
-    RunFolder.check(folder, force=given["force"])
+    RunFolder.check(folder, force=given["force"], files=entry.writes, source=scene_file)
 
     from taichi_ldem.api import draw_run
     from taichi_ldem.scenarios import launch

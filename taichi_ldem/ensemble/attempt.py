@@ -28,6 +28,7 @@ from taichi_ldem.scenarios.registry import SCENARIOS
 from taichi_ldem.storage.checkpoint import LATEST, PREVIOUS
 from taichi_ldem.storage.durable import refuse_locked, write_whole
 from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.storage.place import identity
 
 POLL = 0.2
 """Interval at which a child is checked, s."""
@@ -48,6 +49,7 @@ FINISHED, FAILED, KILLED, TIMED_OUT, LOST, STOPPED, RUNNING = (
     "running",
 )
 GO_ON, STOP, STOP_NOW = 0, 1, 2
+MOVED = "the ensemble's folder was renamed or replaced"
 
 PYTHON, FOLDER, SCENE = "{python}", "{folder}", "{scene}"
 """Placeholders in a command for the worker's interpreter, the run folder and the scene."""
@@ -83,6 +85,8 @@ class Task:
         number: the attempt's number, from 1.
         timeout: longest time, s; None: no limit.
         afresh: begin anew even where there is a checkpoint.
+        identity: of the ensemble's folder, see ``place.identity``; None: it is not compared, as
+            another machine may number its devices otherwise.
     """
 
     ensemble: str
@@ -91,6 +95,13 @@ class Task:
     commands: Commands
     timeout: float | None = None
     afresh: bool = False
+    identity: tuple[int, int] | None = None
+
+    def moved(self) -> bool:
+        """Whether another folder has taken the place of the ensemble's."""
+        with contextlib.suppress(OSError):
+            return self.identity not in (None, identity(Path(self.ensemble)))
+        return self.identity is not None
 
     @property
     def folder(self) -> Path:
@@ -181,6 +192,8 @@ def attempt(task: Task, stop: Stop | None = None) -> Outcome:
     begun = time.monotonic()
     stop = stop or ordered_by_file(Path(task.ensemble))
     running = _running(task)
+    if task.moved():
+        return _end(running, begun, FAILED, MOVED)
     if is_finished(task.folder):
         return _end(running, begun, FINISHED)
     if not Path(task.ensemble).is_dir():
@@ -192,6 +205,8 @@ def attempt(task: Task, stop: Stop | None = None) -> Outcome:
         if not _claim(task, running):
             return _end(running, begun, LOST, "its worker ended")
         outcome = _run(task, stop, running, begun)
+        if task.moved():  # the record would go to another ensemble
+            return _end(running, begun, FAILED, MOVED)
         write_outcome(Path(task.ensemble), outcome)
     except OSError as error:
         return _end(running, begun, FAILED, str(error))

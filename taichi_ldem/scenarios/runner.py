@@ -7,6 +7,7 @@ A run can be stopped at any moment and resumed. Checkpoints are written between 
 scene's interval of wall time, on SIGINT, SIGTERM and SIGHUP, and at the end.
 """
 
+import contextlib
 import itertools
 import signal
 import sys
@@ -30,6 +31,7 @@ from taichi_ldem.solver.contact import bodies_of, observables
 from taichi_ldem.solver.memory import peak_bytes, refuse_too_large
 from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.storage.history import HistoryWriter
+from taichi_ldem.storage.place import unlink
 from taichi_ldem.storage.provenance import changed_machine, provenance
 
 if TYPE_CHECKING:
@@ -128,7 +130,8 @@ def run(
         SceneError: the scene or the folder is refused; nothing has been written then.
     """
     console = make_console(quiet)
-    RunFolder.check(out, force=force)
+    files = entry_of(scene).writes
+    RunFolder.check(out, force=force, files=files)
     started = time.perf_counter()
     simulation = _build(scene)
     if instrument is not None and instrument.prepare is not None:
@@ -136,9 +139,9 @@ def run(
     expected = simulation.measure_step() * simulation.steps
     compiled = time.perf_counter() - started
     with RunFolder.held(out):
-        folder = RunFolder.create(out, force=force)
-        folder.write_scene(scene_to_toml(scene))
+        folder = RunFolder.create(out, force=force, files=files)
         folder.write_provenance(provenance(scene))
+        folder.write_scene(scene_to_toml(scene))
         recorder = Recorder(folder, simulation, instrument=instrument)
         announce(console, simulation, expected, recorder.fields.bytes_per_frame)
         return _complete(console, recorder, summary, compiled, draw)
@@ -177,9 +180,10 @@ def resume(
             raise SceneError(f"'{out}' has no checkpoint that can be resumed; run its scene again")
         started = time.perf_counter()
         simulation = _build(scene)
+        folder = folder.now()
         recorder = _restored(folder, simulation, itertools.chain([latest], found))
         if extend:
-            folder.summary_file.unlink(missing_ok=True)  # from here on the run is not finished
+            unlink(folder.summary_file)  # from here on the run is not finished
             folder.write_scene(scene_to_toml(scene))
         _note_origin(folder, simulation)
         console.print(f"resumed at t = {simulation.time:.6g} s, step {simulation.step_number}")
@@ -320,12 +324,12 @@ def _complete(
     console: Console, recorder: Recorder, summary: Summary, compiled: float, draw: Draw | None
 ) -> int:
     """Step to the end, write the summary, draw, and report how the run ended; the exit code."""
-    folder = recorder.folder
     code = ExitCode.DONE
     try:
         with recorder.writer:
             code = _step_or_stop(console, recorder)
         seconds = recorder.stepping_time()
+        folder = recorder.folder = recorder.folder.now()
         if code == ExitCode.DONE:
             _write_summary(recorder, summary, seconds, compiled)
         if code not in AT_ONCE and draw is not None:
@@ -382,7 +386,7 @@ AT_ONCE = (ExitCode.TERMINATED, ExitCode.HUNG_UP)
 def _report_signal(recorder: Recorder, number: int) -> ExitCode:
     code = ExitCode(128 + number)
     word = WORDS[code]
-    kept = recorder.folder.path
+    kept = recorder.folder.now().path
     line = f"{word} at t = {recorder.simulation.time:.6g} s; kept in {kept}"
     if recorder.checkpoints is not None:
         line += f"; `ldem resume {kept}` goes on"
@@ -393,6 +397,8 @@ def _report_signal(recorder: Recorder, number: int) -> ExitCode:
 def _report_unwritable(recorder: Recorder, error: OSError) -> None:
     from taichi_ldem.storage.checkpoint import LATEST, PREVIOUS
 
+    with contextlib.suppress(OSError):  # where it is gone the error says so
+        recorder.folder = recorder.folder.now()
     path = recorder.folder.path
     line = f"error: {error}; stopped at t = {recorder.simulation.time:.6g} s"
     if (path / LATEST).is_file() or (path / PREVIOUS).is_file():

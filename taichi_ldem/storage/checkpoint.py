@@ -25,7 +25,8 @@ from taichi_ldem import __version__
 from taichi_ldem.errors import SceneError
 from taichi_ldem.machine import available_bytes
 from taichi_ldem.scene import Scene, parse_scene_text, scene_to_toml
-from taichi_ldem.storage.durable import MemoryFile, sync_folder, write_whole
+from taichi_ldem.storage import place
+from taichi_ldem.storage.durable import MemoryFile, write_whole
 from taichi_ldem.storage.provenance import canonical, provenance
 
 LATEST, PREVIOUS, NEW = "checkpoint.h5", "checkpoint.previous.h5", "checkpoint.new.h5"
@@ -207,9 +208,9 @@ class Checkpoints:
         new, latest = self._folder / NEW, self._folder / LATEST
         write_whole(new, encode(checkpoint))
         if self._good == LATEST:
-            latest.replace(self._folder / PREVIOUS)
-        new.replace(latest)
-        sync_folder(self._folder)
+            place.replace(latest, self._folder / PREVIOUS)
+        place.replace(new, latest)
+        place.sync_folder(self._folder)
         self._good = LATEST
 
     def usable(self, scene: Scene) -> Iterator[tuple[str, Checkpoint]]:
