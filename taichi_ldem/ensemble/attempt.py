@@ -25,7 +25,6 @@ from typing import Any
 from taichi_ldem.ensemble.plan import ATTEMPTS, MEMBERS, SCENES
 from taichi_ldem.errors import SceneError
 from taichi_ldem.scenarios.registry import SCENARIOS
-from taichi_ldem.storage.checkpoint import LATEST, PREVIOUS
 from taichi_ldem.storage.durable import refuse_locked, write_whole
 from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.storage.place import identity
@@ -242,8 +241,7 @@ def _run(task: Task, stop: Stop, running: Outcome, begun: float) -> Outcome:
     if held:
         return _end(running, begun, STOPPED if stop() else FAILED, held)
     task.folder.mkdir(parents=True, exist_ok=True)
-    old = any((task.folder / name).is_file() for name in (LATEST, PREVIOUS))
-    how = "resumed" if old and not task.afresh else "begun"
+    how = "resumed" if RunFolder(task.folder).has_checkpoint and not task.afresh else "begun"
     command = task.commands.resume if how == "resumed" else task.commands.begin
     with (
         open(task.record_file("out"), "wb") as out,

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from taichi_ldem.analysis.paper import DISORDER_CVS
 from taichi_ldem.scenarios.interrupts import run_child
+from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.studies.bending import SPECIMENS
 
 CVS = ",".join(f"{cv:g}" for cv in (0.0, *DISORDER_CVS))
@@ -136,8 +137,7 @@ def conduct(
 
 
 def _can_resume(need: Need, folder: Path) -> bool:
-    checkpoints = ("checkpoint.h5", "checkpoint.previous.h5")
-    return need.resume[2:3] != ("resume",) or any((folder / c).is_file() for c in checkpoints)
+    return need.resume[2:3] != ("resume",) or RunFolder(folder).has_checkpoint
 
 
 def _is_whole(need: Need, folder: Path) -> bool:

@@ -9,6 +9,7 @@ scene's interval of wall time, on SIGINT, SIGTERM and SIGHUP, and at the end.
 
 import contextlib
 import itertools
+import shlex
 import signal
 import sys
 import time
@@ -151,6 +152,7 @@ def resume(
     out: Path,
     summary: Summary,
     *,
+    scene: Scene | None = None,
     extend: float = 0.0,
     quiet: bool = False,
     draw: Draw | None = None,
@@ -158,6 +160,7 @@ def resume(
     """Resume a run from its last good checkpoint; the exit codes are those of ``run``.
 
     Args:
+        scene: what is run, equal to the folder's but for keys without effect; None: the folder's.
         extend: simulated time to add after the scene's end, s.
 
     Raises:
@@ -167,7 +170,7 @@ def resume(
 
     console = make_console(quiet)
     folder = RunFolder(out)
-    scene = load_scene(folder.scene_file)
+    scene = load_scene(folder.scene_file) if scene is None else scene
     if folder.summary_file.is_file() and not extend:
         console.print(f"{out} holds a finished run; --extend SECONDS runs on past its end")
         return ExitCode.DONE
@@ -389,20 +392,19 @@ def _report_signal(recorder: Recorder, number: int) -> ExitCode:
     kept = recorder.folder.now().path
     line = f"{word} at t = {recorder.simulation.time:.6g} s; kept in {kept}"
     if recorder.checkpoints is not None:
-        line += f"; `ldem resume {kept}` goes on"
+        line += f"; `ldem resume {shlex.quote(str(kept))}` goes on"
     print(line, file=sys.stderr)
     return code
 
 
 def _report_unwritable(recorder: Recorder, error: OSError) -> None:
-    from taichi_ldem.storage.checkpoint import LATEST, PREVIOUS
-
     with contextlib.suppress(OSError):  # where it is gone the error says so
         recorder.folder = recorder.folder.now()
     path = recorder.folder.path
     line = f"error: {error}; stopped at t = {recorder.simulation.time:.6g} s"
-    if (path / LATEST).is_file() or (path / PREVIOUS).is_file():
-        line += f"; make room, then `ldem resume {path}` goes on from the last checkpoint"
+    if recorder.folder.has_checkpoint:
+        again = f"ldem resume {shlex.quote(str(path))}"
+        line += f"; make room, then `{again}` goes on from the last checkpoint"
     else:
         line += "; there is no checkpoint to go on from"
     print(line, file=sys.stderr)

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_ldem.errors import SceneError
+from taichi_ldem.storage.checkpoint import LATEST, NEW, PREVIOUS
 from taichi_ldem.storage.durable import LOCK, TEMPORARY, locked, refuse_locked, write_whole
 from taichi_ldem.storage.history import read_history
 from taichi_ldem.storage.place import current, unlink
@@ -31,9 +32,9 @@ OF_EVERY_RUN = (
     "history.csv",
     "fields.vtkhdf",
     "summary.json",
-    "checkpoint.h5",
-    "checkpoint.previous.h5",
-    "checkpoint.new.h5",
+    LATEST,
+    PREVIOUS,
+    NEW,
 )
 """Files that every run writes, or may write. Each may stand there with ``.tmp`` after a kill."""
 
@@ -190,6 +191,21 @@ class RunFolder:
     def provenance_file(self) -> Path:
         """What wrote the run: versions, machine and command line of each process, JSON."""
         return self.path / "run.json"
+
+    @property
+    def begun(self) -> bool:
+        """Whether a run has begun here: its record is there, which is written first."""
+        return bool(self._record())
+
+    @property
+    def has_checkpoint(self) -> bool:
+        """Whether there is a checkpoint, which may turn out to be damaged."""
+        return any((self.path / name).is_file() for name in (LATEST, PREVIOUS))
+
+    @property
+    def can_go_on(self) -> bool:
+        """Whether there is a run that has finished or has a checkpoint."""
+        return self.begun and (self.summary_file.is_file() or self.has_checkpoint)
 
     def processes(self) -> list[Any]:
         """What ``run.json`` says of each process that has worked on the run, the first first."""
