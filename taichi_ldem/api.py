@@ -28,6 +28,7 @@ from taichi_ldem.errors import SceneError
 from taichi_ldem.scenarios.registry import entry_of
 from taichi_ldem.scene import Scene, load_scene, parse_scene
 from taichi_ldem.solver import backend
+from taichi_ldem.solver.memory import refuse_too_large
 from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.streams import courteous
 
@@ -79,6 +80,7 @@ class Simulation:
                 f'scenario = "{self.scene.scenario}": does not start from rest; use '
                 "taichi_ldem.run(scene, folder)"
             )
+        refuse_too_large(self.scene)
         solver = self.scene.solver
         wanted = (solver.arch, solver.precision, solver.threads)
         if beside and Simulation._open:

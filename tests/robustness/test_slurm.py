@@ -1,4 +1,4 @@
-"""The job script of examples/ with a stand-in for Slurm, which signals the script and nothing else."""
+"""The job script of examples/ with a stand-in for Slurm, which signals only the script."""
 
 import os
 import shutil
@@ -23,7 +23,7 @@ trap 'sleep 0.1; touch "$4/checkpoint"; exit 143' TERM
 touch "$4/begun"
 while :; do sleep 0.02; done
 """
-"""Instead of `ldem`: takes a moment for its checkpoint, and has finished when it is started again."""
+"""Instead of `ldem`: takes a moment for its checkpoint, and finishes when started again."""
 
 pytestmark = pytest.mark.skipif(shutil.which("bash") is None, reason="the script is bash's")
 
