@@ -28,8 +28,8 @@ def _silent_stdout() -> Iterator[None]:
     try:
         os.dup2(sink, 1)
         yield
-        _flush()
     finally:
+        _flush()
         os.dup2(saved, 1)
         os.close(saved)
         os.close(sink)
@@ -196,6 +196,18 @@ def start(solver: Solver) -> None:
         SceneError: the backend is missing, or has no f64.
     """
     _refuse_absent(solver)
+    options: dict[str, Any] = {"cpu_max_num_threads": solver.threads} if solver.threads else {}
+    if not _initialise(solver.arch, solver.precision, options):
+        raise SceneError(f'solver.arch = "{solver.arch}": no such device here; use "cpu"')
+
+
+def start_for_pictures() -> None:
+    """Import and initialise Taichi where it draws and computes nothing."""
+    _initialise("cpu", "f32", {})
+
+
+def _initialise(wanted: str, precision: str, options: dict[str, Any]) -> bool:
+    """Import and initialise Taichi; False where it has taken another device than the wanted one."""
     with _silent_stdout(), _environment():
         import taichi as ti
 
@@ -204,16 +216,12 @@ def start(solver: Solver) -> None:
         cache = _cache_folder(Path(given or ti.lang.impl.default_cfg().offline_cache_file_path))
         _free_cache(cache)
         # not ti.gpu, which also looks for Vulkan and may abort in its driver
-        arch = {"cpu": ti.cpu, "vulkan": ti.vulkan}.get(solver.arch, ti.cuda)
-        real = ti.f64 if solver.precision == "f64" else ti.f32
-        options: dict[str, Any] = {"arch": arch, "default_fp": real, "default_ip": ti.i32}
-        if solver.threads:
-            options["cpu_max_num_threads"] = solver.threads
+        arch = {"cpu": ti.cpu, "vulkan": ti.vulkan}.get(wanted, ti.cuda)
+        real = ti.f64 if precision == "f64" else ti.f32
+        options = {"arch": arch, "default_fp": real, "default_ip": ti.i32, **options}
         options["offline_cache_file_path"] = str(cache)
         try:
             ti.init(fast_math=False, log_level=ti.ERROR, **options)
         except ValueError as error:  # a variable such as TI_DEBUG that is no number
             raise SceneError(f"a variable TI_... of the environment: {error}") from None
-        current = ti.lang.impl.current_cfg().arch
-    if current != arch:
-        raise SceneError(f'solver.arch = "{solver.arch}": no such device here; use "cpu"')
+        return bool(ti.lang.impl.current_cfg().arch == arch)
