@@ -123,10 +123,10 @@ def _check_folder(entry: Scenario, scene_file: Path, folder: Path, given: dict[s
     if resume and force:
         raise SceneError("--resume and --force exclude each other: one goes on, one starts anew")
     found = RunFolder(folder)
-    # a run that goes on replaces neither the scene nor anybody else's files
-    source = None if resume and found.can_go_on else scene_file
+    if resume and found.can_go_on:
+        return  # nothing is replaced
     again = force or bool(resume and found.begun)
-    RunFolder.check(folder, force=again, files=entry.writes, source=source)
+    RunFolder.check(folder, force=again, files=entry.writes, source=scene_file)
 
 
 def _refuse_other_scenario(entry: Scenario, scenario: str, scene_file: Path) -> None:

@@ -30,7 +30,7 @@ from taichi_ldem.ensemble.pools import Pool
 from taichi_ldem.errors import ExitCode
 from taichi_ldem.scenarios.interrupts import signals_call
 from taichi_ldem.storage.folder import RunFolder
-from taichi_ldem.storage.place import identity
+from taichi_ldem.storage.place import identity, refuse_moved
 
 RETRIES = 1
 """Number of further attempts at a member that did not finish. Nothing else retries."""
@@ -90,17 +90,13 @@ class Conductor:
             self._submit(member.name)
         with signals_call(self._stop), self._progress() as show:
             while self.open:
-                self._refuse_moved()
+                refuse_moved(self.folder)
                 for outcome in self.pool.ended(1.0):
                     show(self._take(outcome))
                 show(None)
         if self.signal is not None:
             return 128 + self.signal
         return ExitCode.MEMBERS_MISSING if self.failed else ExitCode.DONE
-
-    def _refuse_moved(self) -> None:
-        if identity(self.folder) != self.identity:
-            raise OSError(f"'{self.folder}' was renamed or replaced; its members are ended")
 
     def _submit(self, name: str) -> None:
         earlier = read_attempts(self.folder, name)

@@ -13,6 +13,7 @@ from pathlib import Path
 from taichi_ldem.analysis.paper import DISORDER_CVS
 from taichi_ldem.scenarios.interrupts import run_child
 from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.storage.place import refuse_moved
 from taichi_ldem.studies.bending import SPECIMENS
 
 CVS = ",".join(f"{cv:g}" for cv in (0.0, *DISORDER_CVS))
@@ -117,6 +118,7 @@ def conduct(
     """
     failed: dict[str, str] = {}
     for name in names:
+        refuse_moved(out)  # commands are given its path
         need, folder = NEEDS[name], out / "runs" / name
         begun = folder.is_dir() and any(folder.iterdir())
         if begun and (folder / need.done).is_file() and _is_whole(need, folder):

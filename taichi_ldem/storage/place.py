@@ -63,6 +63,15 @@ def current(folder: Path) -> Path:
     raise FileNotFoundError(errno.ENOENT, "the folder was removed or replaced", str(folder))
 
 
+def refuse_moved(folder: Path) -> None:
+    """Raise OSError where a held folder is no longer under this path.
+
+    For what is started by the path, as other processes are.
+    """
+    if current(folder) != folder:
+        raise OSError(f"'{folder}' was renamed or replaced; what was under way in it is ended")
+
+
 def _named_by_system(descriptor: int) -> Path | None:
     """The path that the system has for a descriptor, where it tells."""
     with contextlib.suppress(OSError, ImportError):

@@ -29,6 +29,8 @@ from taichi_ldem.model.lattice import Lattice, prism
 from taichi_ldem.scenarios.bend import notch_depth
 from taichi_ldem.scenarios.interrupts import Signalled, run_child
 from taichi_ldem.scene import Scene, load_scene, parse_scene, scene_to_toml
+from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.storage.place import refuse_moved
 from taichi_ldem.streams import courteous
 from taichi_ldem.studies import compliance
 
@@ -109,11 +111,12 @@ def series(
     others: Sequence[Row] = (),
 ) -> int:
     """Run what is missing and report after every specimen; the last exit code that is not 0."""
-    folder.mkdir(parents=True, exist_ok=True)
     code = 0
-    for specimen in specimens:
-        code = run(specimen, base, folder, extra) or code
-        report(read(specimens, base, folder), base, folder, others)
+    with RunFolder.held(folder):
+        for specimen in specimens:
+            code = run(specimen, base, folder, extra) or code
+            refuse_moved(folder)
+            report(read(specimens, base, folder), base, folder, others)
     return code
 
 

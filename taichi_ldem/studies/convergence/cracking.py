@@ -21,6 +21,7 @@ from taichi_ldem.errors import SceneError
 from taichi_ldem.scenarios.interrupts import run_child
 from taichi_ldem.scene import Scene
 from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.storage.place import refuse_moved
 from taichi_ldem.studies.convergence.plan import Point
 from taichi_ldem.studies.convergence.records import Study
 from taichi_ldem.studies.convergence.run import SEED_REACH
@@ -105,6 +106,7 @@ def _record(study: Study, point: Point, seed: int, place: tuple[float, float]) -
         command += ["--out", str(folder), "--force", "--quiet", *words]
         if code := run_child(command):
             raise SceneError(f"{folder.name}: its run ended with exit code {code}")
+        refuse_moved(study.out)
     return read(folder, study.scene)
 
 

@@ -14,6 +14,7 @@ from taichi_ldem.scenarios.interrupts import run_child
 from taichi_ldem.scenarios.wave import delay
 from taichi_ldem.scene import Scene
 from taichi_ldem.storage.durable import write_whole
+from taichi_ldem.storage.place import refuse_moved
 from taichi_ldem.storage.provenance import scene_hash
 from taichi_ldem.studies.convergence.plan import FINE_STEP, SHARES, SINGLE, STEPS, Plan, Point
 from taichi_ldem.studies.convergence.run import VIBRATION, WAVE
@@ -141,6 +142,7 @@ class Study:
             command = [sys.executable, "-m", module, str(self.file), str(file), *arguments, *more]
             if code := run_child(command):
                 raise SceneError(f"{name}: its run ended with exit code {code}")
+            refuse_moved(self.out)
         found: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
         return found
 

@@ -57,7 +57,7 @@ def test_an_ensemble_whose_folder_is_renamed_ends_and_spares_its_successor(plan,
     renaming = threading.Thread(target=rename)
     renaming.start()
     asked = fake(**{name: ["hang"] for name in ("velocity2", "velocity2.5", "velocity3")})
-    with pytest.raises(OSError, match="was renamed or replaced; its members are ended"):
+    with pytest.raises(OSError, match="was renamed or replaced; what was under way in it is ended"):
         run(plan, out, How(local=1), commands=asked)
     renaming.join()
     assert list(out.iterdir()) == []

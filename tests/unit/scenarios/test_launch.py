@@ -105,3 +105,16 @@ def test_the_scene_in_the_folder_may_go_on_and_is_never_replaced(
     (folder.path / "checkpoint.h5").touch()
     assert main([*words, "--resume"]) == 0
     assert done == ["resumed with None threads"]
+
+
+def test_a_run_of_a_version_that_kept_no_list_of_files_goes_on(
+    scene: Scene, done: list[str], tmp_path: Path
+) -> None:
+    out, file = tmp_path / "run", tmp_path / "t.toml"
+    file.write_text(SCENE)
+    out.mkdir()
+    (out / "run.json").write_text('{"processes": [{"version": "0.1.0"}]}')
+    (out / "scene.toml").write_text(scene_to_toml(scene))
+    (out / "checkpoint.h5").touch()
+    assert main(["impact", str(file), "--out", str(out), "--resume"]) == 0
+    assert done == ["resumed with None threads"]
