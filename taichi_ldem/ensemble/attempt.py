@@ -24,6 +24,7 @@ from typing import Any
 
 from taichi_ldem.ensemble.plan import ATTEMPTS, MEMBERS, SCENES
 from taichi_ldem.errors import SceneError
+from taichi_ldem.scenarios.child import tied
 from taichi_ldem.scenarios.registry import SCENARIOS
 from taichi_ldem.storage.durable import refuse_locked, write_whole
 from taichi_ldem.storage.folder import RunFolder
@@ -289,9 +290,8 @@ def _filled(command: Sequence[str], task: Task) -> list[str]:
 
 def _start(command: Sequence[str], out: Any, errors: Any) -> subprocess.Popen[bytes]:
     """Start a child in a process group of its own, so that Ctrl-C in a terminal spares it."""
-    wrapper = (sys.executable, "-m", "taichi_ldem.ensemble.child", str(os.getpid()))
     return subprocess.Popen(
-        [*wrapper, *command],
+        tied(command),
         stdin=subprocess.DEVNULL,
         stdout=out,
         stderr=errors,

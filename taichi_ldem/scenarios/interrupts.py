@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from taichi_ldem.errors import ExitCode
+from taichi_ldem.scenarios.child import tied
 
 HANG_UP: int | None = getattr(signal, "SIGHUP", None)
 """What a terminal sends when it closes; Windows has no such signal."""
@@ -58,13 +59,14 @@ def run_child(command: Sequence[str], **streams: Any) -> int:
     """Run a command to its end, and return its exit code.
 
     Signals that end a run go to the child, which gets the time to write its checkpoint. It has a
-    session of its own, so that what a terminal sends reaches it once.
+    session of its own, so that what a terminal sends reaches it once, and ends when this process
+    does, however that ends (Linux).
 
     Raises:
         Signalled: such a signal has come; the child has ended.
     """
     received: list[int] = []
-    with subprocess.Popen(command, start_new_session=True, **streams) as child:
+    with subprocess.Popen(tied(command), start_new_session=True, **streams) as child:
 
         def pass_on(number: int) -> None:
             received.append(number)
