@@ -28,7 +28,9 @@ from taichi_ldem.errors import SceneError
 from taichi_ldem.scenarios.registry import entry_of
 from taichi_ldem.scene import Scene, load_scene, parse_scene
 from taichi_ldem.solver import backend
+from taichi_ldem.solver.memory import refuse_too_large
 from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.streams import courteous
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Sample
@@ -78,6 +80,7 @@ class Simulation:
                 f'scenario = "{self.scene.scenario}": does not start from rest; use '
                 "taichi_ldem.run(scene, folder)"
             )
+        refuse_too_large(self.scene)
         solver = self.scene.solver
         wanted = (solver.arch, solver.precision, solver.threads)
         if beside and Simulation._open:
@@ -348,8 +351,11 @@ def run(
 
     given = as_scene(scene)
     entry = entry_of(given)
+    if isinstance(scene, (str, Path)):
+        RunFolder.check(Path(out), force=force, files=entry.writes, source=Path(scene))
     close_all()
-    code = launch.run(entry, given, Path(out), force=force, quiet=quiet, draw=draw_run)
+    with courteous():
+        code = launch.run(entry, given, Path(out), force=force, quiet=quiet, draw=draw_run)
     if code:
         raise RuntimeError(f"the run in '{out}' ended with exit code {int(code)}")
     return RunFolder(Path(out))

@@ -16,6 +16,8 @@ class ExitCode(IntEnum):
     """A run could no longer write its files."""
     MEMBERS_MISSING = 5
     """Members of an ensemble did not finish."""
+    HUNG_UP = 129
+    """The terminal was closed."""
     INTERRUPTED = 130
     TERMINATED = 143
 

@@ -40,7 +40,7 @@ def available_bytes() -> int | None:
 
     None where the system does not say.
     """
-    found = [_free_of_machine(), _free_of_group(Path("/sys/fs/cgroup")), _limit_of_process()]
+    found = [_free_of_machine(), _free_of_group(Path("/sys/fs/cgroup")), addresses_left()]
     known = [size for size in found if size is not None]
     return min(known) if known else None
 
@@ -70,7 +70,11 @@ def _free_of_group(root: Path) -> int | None:
     return None
 
 
-def _limit_of_process() -> int | None:
+def addresses_left() -> int | None:
+    """Bytes of addresses that `ulimit -v` leaves to this process; None without such a limit.
+
+    They count where memory is only reserved, too.
+    """
     with contextlib.suppress(ImportError, OSError, ValueError):
         import resource
 

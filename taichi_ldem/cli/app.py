@@ -12,6 +12,8 @@ import typer
 
 from taichi_ldem.cli import ensemble, notes, paper, run, show, study
 from taichi_ldem.errors import ExitCode, SceneError
+from taichi_ldem.scenarios.interrupts import WORDS, Signalled
+from taichi_ldem.streams import courteous
 
 # Typer's own copy of Click's class, or Click's: it depends on Typer's version
 UsageError: Any = typer.BadParameter.__mro__[1]
@@ -36,18 +38,26 @@ app = make_app()
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code, which ``errors.ExitCode`` lists.
 
-    An error is one line on stderr.
+    An error is one line on stderr. Where nobody reads what it prints, a command goes on.
     """
-    arguments = sys.argv[1:] if arguments is None else arguments
+    with courteous():
+        return _run(list(sys.argv[1:] if arguments is None else arguments))
+
+
+def _run(arguments: list[str]) -> int:
     try:
         # outside of its standalone mode Typer returns the code of typer.Exit
         with notes.printed():
-            return int(app(list(arguments) or ["--help"], "ldem", standalone_mode=False) or 0)
+            return int(app(arguments or ["--help"], "ldem", standalone_mode=False) or 0)
     except UsageError as error:
         message = " ".join(error.format_message().split())
         return _complain(message + _hint(error), ExitCode.BAD_INPUT)
     except typer.Abort:
         return ExitCode.INTERRUPTED
+    except Signalled as signalled:  # while a run of a study or of the paper was going on
+        code = ExitCode(128 + signalled.number)
+        print(f"{WORDS[code]}; what has been written is kept", file=sys.stderr)
+        return code
     except SceneError as error:
         return _complain(str(error), ExitCode.BAD_INPUT)
     except OSError as error:

@@ -22,7 +22,11 @@ Settings = Annotated[
 Out = Annotated[
     Path | None, typer.Option(metavar="DIR", help="run folder (default: outputs/SCENE)")
 ]
-Force = Annotated[bool, typer.Option("--force", help="overwrite the run in DIR")]
+Force = Annotated[bool, typer.Option("--force", help="replace the run in DIR, and no other file")]
+Resume = Annotated[
+    bool,
+    typer.Option("--resume", help="go on where a run of this scene is in DIR, start it otherwise"),
+]
 Arch = Annotated[str | None, typer.Option(help="cpu, cuda (or gpu) or vulkan")]
 Precision = Annotated[str | None, typer.Option(help="f64 or f32")]
 Threads = Annotated[int | None, typer.Option(help="CPU threads (default: all cores)")]

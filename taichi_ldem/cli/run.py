@@ -15,17 +15,20 @@ from taichi_ldem.cli.options import (
     Out,
     Precision,
     Quiet,
+    Resume,
     SceneFile,
     Settings,
     Threads,
     read_scene,
     read_scene_to_run,
 )
+from taichi_ldem.errors import SceneError
 from taichi_ldem.scenarios.registry import SCENARIOS, Option, Scenario
 
 OPTIONS: dict[str, tuple[Any, Any]] = {
     "out": (Out, None),
     "force": (Force, False),
+    "resume": (Resume, False),
     "arch": (Arch, None),
     "precision": (Precision, None),
     "threads": (Threads, None),
@@ -39,6 +42,9 @@ SOLVER = ("arch", "precision", "threads")
 
 ONLY_IN_TIME = ("arch", "precision")
 """Options without a meaning for a scenario that does not step in time."""
+
+ONLY_RESUMABLE = ("resume",)
+"""Options without a meaning for a scenario whose runs take no checkpoints."""
 
 
 def register(app: typer.Typer) -> None:
@@ -58,7 +64,8 @@ def make_command(entry: Scenario) -> Callable[..., None]:
     shared = {
         name: option
         for name, option in OPTIONS.items()
-        if entry.in_time or name not in ONLY_IN_TIME
+        if (entry.in_time or name not in ONLY_IN_TIME)
+        and (entry.resumable or name not in ONLY_RESUMABLE)
     }
     kind = inspect.Parameter.KEYWORD_ONLY
     scene = inspect.Parameter("scene_file", kind, annotation=SceneFile)
@@ -97,21 +104,33 @@ def run(entry: Scenario, scene_file: Path, given: dict[str, Any]) -> None:
             raise typer.Exit(instead(scene, out, scene_file.stem, quiet=given["quiet"]))
     folder = Path("outputs", scene_file.stem) if out is None else out
 
-    from taichi_ldem.storage.folder import RunFolder
-
-    RunFolder.check(folder, force=given["force"])
+    _check_folder(entry, scene_file, folder, given)
 
     from taichi_ldem.api import draw_run
     from taichi_ldem.scenarios import launch
 
-    how = {"force": given["force"], "quiet": given["quiet"]}
-    raise typer.Exit(launch.run(entry, scene, folder, **how, draw=draw_run))
+    how = {"quiet": given["quiet"], "draw": draw_run}
+    if given.get("resume"):
+        raise typer.Exit(launch.go_on(entry, scene, folder, **how))
+    raise typer.Exit(launch.run(entry, scene, folder, force=given["force"], **how))
+
+
+def _check_folder(entry: Scenario, scene_file: Path, folder: Path, given: dict[str, Any]) -> None:
+    """Refuse a folder before anything heavy is imported."""
+    from taichi_ldem.storage.folder import RunFolder
+
+    resume, force = given.get("resume"), given["force"]
+    if resume and force:
+        raise SceneError("--resume and --force exclude each other: one goes on, one starts anew")
+    found = RunFolder(folder)
+    if resume and found.can_go_on:
+        return  # nothing is replaced
+    again = force or bool(resume and found.begun)
+    RunFolder.check(folder, force=again, files=entry.writes, source=scene_file)
 
 
 def _refuse_other_scenario(entry: Scenario, scenario: str, scene_file: Path) -> None:
     if scenario != entry.command:
-        from taichi_ldem.errors import SceneError
-
         raise SceneError(
             f'{scene_file.name}: scenario = "{scenario}": run it with `ldem {scenario}`'
         )

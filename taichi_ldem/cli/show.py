@@ -30,8 +30,10 @@ def info(
     from rich.console import Console
 
     from taichi_ldem.scenarios.describe import describe
+    from taichi_ldem.streams import refuse_lost
 
     Console().print(describe(scene, measure, fields))
+    refuse_lost()
 
 
 def render(
@@ -82,6 +84,8 @@ def render(
         from taichi_ldem.output.movie import movie as make
 
         path = folder / "movie.mp4" if out is None else out
+        if out is None:
+            run.claim([path.name])
         count = make(run, path, shot, fps=fps, width=width)
         typer.echo(f"{path}: {count} pictures")
     elif own:

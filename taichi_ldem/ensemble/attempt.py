@@ -24,10 +24,11 @@ from typing import Any
 
 from taichi_ldem.ensemble.plan import ATTEMPTS, MEMBERS, SCENES
 from taichi_ldem.errors import SceneError
+from taichi_ldem.scenarios.child import tied
 from taichi_ldem.scenarios.registry import SCENARIOS
-from taichi_ldem.storage.checkpoint import LATEST, PREVIOUS
 from taichi_ldem.storage.durable import refuse_locked, write_whole
 from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.storage.place import identity
 
 POLL = 0.2
 """Interval at which a child is checked, s."""
@@ -48,6 +49,7 @@ FINISHED, FAILED, KILLED, TIMED_OUT, LOST, STOPPED, RUNNING = (
     "running",
 )
 GO_ON, STOP, STOP_NOW = 0, 1, 2
+MOVED = "the ensemble's folder was renamed or replaced"
 
 PYTHON, FOLDER, SCENE = "{python}", "{folder}", "{scene}"
 """Placeholders in a command for the worker's interpreter, the run folder and the scene."""
@@ -83,6 +85,8 @@ class Task:
         number: the attempt's number, from 1.
         timeout: longest time, s; None: no limit.
         afresh: begin anew even where there is a checkpoint.
+        identity: of the ensemble's folder, see ``place.identity``; None: it is not compared, as
+            another machine may number its devices otherwise.
     """
 
     ensemble: str
@@ -91,6 +95,13 @@ class Task:
     commands: Commands
     timeout: float | None = None
     afresh: bool = False
+    identity: tuple[int, int] | None = None
+
+    def moved(self) -> bool:
+        """Whether another folder has taken the place of the ensemble's."""
+        with contextlib.suppress(OSError):
+            return self.identity not in (None, identity(Path(self.ensemble)))
+        return self.identity is not None
 
     @property
     def folder(self) -> Path:
@@ -181,6 +192,8 @@ def attempt(task: Task, stop: Stop | None = None) -> Outcome:
     begun = time.monotonic()
     stop = stop or ordered_by_file(Path(task.ensemble))
     running = _running(task)
+    if task.moved():
+        return _end(running, begun, FAILED, MOVED)
     if is_finished(task.folder):
         return _end(running, begun, FINISHED)
     if not Path(task.ensemble).is_dir():
@@ -192,6 +205,8 @@ def attempt(task: Task, stop: Stop | None = None) -> Outcome:
         if not _claim(task, running):
             return _end(running, begun, LOST, "its worker ended")
         outcome = _run(task, stop, running, begun)
+        if task.moved():  # the record would go to another ensemble
+            return _end(running, begun, FAILED, MOVED)
         write_outcome(Path(task.ensemble), outcome)
     except OSError as error:
         return _end(running, begun, FAILED, str(error))
@@ -227,8 +242,7 @@ def _run(task: Task, stop: Stop, running: Outcome, begun: float) -> Outcome:
     if held:
         return _end(running, begun, STOPPED if stop() else FAILED, held)
     task.folder.mkdir(parents=True, exist_ok=True)
-    old = any((task.folder / name).is_file() for name in (LATEST, PREVIOUS))
-    how = "resumed" if old and not task.afresh else "begun"
+    how = "resumed" if RunFolder(task.folder).has_checkpoint and not task.afresh else "begun"
     command = task.commands.resume if how == "resumed" else task.commands.begin
     with (
         open(task.record_file("out"), "wb") as out,
@@ -276,9 +290,8 @@ def _filled(command: Sequence[str], task: Task) -> list[str]:
 
 def _start(command: Sequence[str], out: Any, errors: Any) -> subprocess.Popen[bytes]:
     """Start a child in a process group of its own, so that Ctrl-C in a terminal spares it."""
-    wrapper = (sys.executable, "-m", "taichi_ldem.ensemble.child", str(os.getpid()))
     return subprocess.Popen(
-        [*wrapper, *command],
+        tied(command),
         stdin=subprocess.DEVNULL,
         stdout=out,
         stderr=errors,

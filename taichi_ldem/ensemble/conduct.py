@@ -30,6 +30,7 @@ from taichi_ldem.ensemble.pools import Pool
 from taichi_ldem.errors import ExitCode
 from taichi_ldem.scenarios.interrupts import signals_call
 from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.storage.place import identity, refuse_moved
 
 RETRIES = 1
 """Number of further attempts at a member that did not finish. Nothing else retries."""
@@ -62,6 +63,7 @@ class Conductor:
         ended: Callable[[Outcome], None] = lambda outcome: None,
     ) -> None:
         self.plan, self.folder, self.pool, self.commands = plan, folder.absolute(), pool, commands
+        self.identity = identity(self.folder)
         self.timeout, self.ended = timeout, ended
         self.console = console or Console(quiet=True)
         self.tries: dict[str, int] = {}
@@ -73,7 +75,11 @@ class Conductor:
         """Run what is not finished.
 
         Returns:
-            DONE, MEMBERS_MISSING, INTERRUPTED or TERMINATED of ``ExitCode``.
+            DONE, MEMBERS_MISSING, INTERRUPTED, TERMINATED or HUNG_UP of ``ExitCode``.
+
+        Raises:
+            OSError: another folder has taken the place of the ensemble's. Members that are running
+                have to be ended; they keep their own folders.
         """
         stop_file(self.folder).unlink(missing_ok=True)
         waiting = [m for m in self.plan.members if not is_finished(self.folder / MEMBERS / m.name)]
@@ -84,6 +90,7 @@ class Conductor:
             self._submit(member.name)
         with signals_call(self._stop), self._progress() as show:
             while self.open:
+                refuse_moved(self.folder)
                 for outcome in self.pool.ended(1.0):
                     show(self._take(outcome))
                 show(None)
@@ -99,7 +106,9 @@ class Conductor:
         refused = bool(earlier) and (earlier[-1].how, earlier[-1].exit_code) == refusal
         self.tries[name] = self.tries.get(name, 0) + 1
         self.open.add(name)
-        self.pool.submit(Task(str(self.folder), name, number, self.commands, self.timeout, refused))
+        here = self.identity if self.pool.local else None
+        task = Task(str(self.folder), name, number, self.commands, self.timeout, refused, here)
+        self.pool.submit(task)
 
     def _take(self, outcome: Outcome) -> str:
         """Note an outcome and try again where that is due; returns a line about it."""

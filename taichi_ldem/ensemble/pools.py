@@ -27,7 +27,13 @@ from taichi_ldem.storage.durable import write_whole
 
 
 class Pool(Protocol):
-    """Makes attempts; retries are decided elsewhere."""
+    """Makes attempts; retries are decided elsewhere.
+
+    Attributes:
+        local: whether attempts are made on this machine.
+    """
+
+    local: bool
 
     def submit(self, task: Task) -> None:
         """Put an attempt into the queue."""
@@ -47,6 +53,8 @@ class Pool(Protocol):
 
 class LocalPool:
     """Children of this process, at most ``workers`` at a time."""
+
+    local = True
 
     def __init__(self, workers: int) -> None:
         self.workers = workers
@@ -113,6 +121,8 @@ class DaskPool:
     Dask starts a task again when a worker dies. The attempt's record then shows that it had been
     begun, and the task returns as lost. Tasks that Dask gives up are lost, too.
     """
+
+    local = False
 
     def __init__(self, address: str, ensemble: Path) -> None:
         try:

@@ -15,6 +15,7 @@ from taichi_ldem.ensemble.plan import Plan
 from taichi_ldem.ensemble.pools import DaskPool, LocalPool, Pool, local_workers
 from taichi_ldem.ensemble.results import read_rows, write_statistics, write_table
 from taichi_ldem.errors import ExitCode, SceneError
+from taichi_ldem.scenarios.interrupts import WORDS
 from taichi_ldem.scenarios.progress import make_console
 from taichi_ldem.storage.durable import LOCK
 from taichi_ldem.storage.folder import RunFolder
@@ -61,7 +62,8 @@ def run(
         commands: what a child executes; ``ldem`` by default.
 
     Returns:
-        DONE, MEMBERS_MISSING, INTERRUPTED (Ctrl-C) or TERMINATED (SIGTERM) of ``ExitCode``.
+        DONE, MEMBERS_MISSING, INTERRUPTED (Ctrl-C), TERMINATED (SIGTERM) or HUNG_UP (SIGHUP) of
+        ``ExitCode``.
 
     Raises:
         SceneError: an option or the folder is refused; no member has been started then.
@@ -122,7 +124,7 @@ def _tell_end(console: Console, folder: Path, conductor: Conductor, code: int) -
     for outcome in conductor.failed:
         print(f"failed: {outcome.name}: {outcome.state}: {outcome.reason}", file=sys.stderr)
     if code not in ENDED:
-        word = "interrupted" if code == ExitCode.INTERRUPTED else "terminated"
+        word = WORDS[ExitCode(code)]
         print(
             f"{word}; {folder} is kept; the same command with --resume continues", file=sys.stderr
         )

@@ -11,6 +11,7 @@ import numpy as np
 from taichi_ldem.errors import SceneError
 from taichi_ldem.output.render.snapshots import render_shot
 from taichi_ldem.output.render.views import Shot
+from taichi_ldem.storage.durable import write_whole
 from taichi_ldem.storage.folder import RunFolder
 
 SUFFIXES = (".mp4", ".gif")
@@ -58,10 +59,12 @@ def movie(
         raise SceneError(f"--width {width}: must lie between 64 and 3840 pixels")
     with tempfile.TemporaryDirectory() as scratch:
         pictures = [picture for _, picture in render_shot(folder, shot, Path(scratch))]
-        if path.suffix.lower() == ".gif":
-            _write_gif(path, pictures, fps, width)
+        made = Path(scratch, f"movie{path.suffix.lower()}")
+        if made.suffix == ".gif":
+            _write_gif(made, pictures, fps, width)
         else:
-            _write_mp4(path, pictures, fps, width)
+            _write_mp4(made, pictures, fps, width)
+        write_whole(path, made.read_bytes())
     return len(pictures)
 
 
@@ -81,7 +84,7 @@ def _write_mp4(path: Path, pictures: list[Path], fps: float, width: int) -> None
     size = load(pictures[0], width).size
     # H.264 with subsampled colours and the index first: plays in every browser
     writer = imageio_ffmpeg.write_frames(
-        str(path),
+        f"file:{path.absolute()}",  # with a colon in it, a bare path is the name of a protocol
         size,
         fps=fps,
         codec="libx264",

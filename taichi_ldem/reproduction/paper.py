@@ -17,6 +17,8 @@ from taichi_ldem.reproduction.page import write
 from taichi_ldem.reproduction.runs import conduct
 from taichi_ldem.reproduction.sections import Context
 from taichi_ldem.storage.durable import write_whole
+from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.storage.place import refuse_moved
 
 
 def reproduce(
@@ -41,6 +43,7 @@ def reproduce(
     Raises:
         SceneError: this is no checkout, the folder was begun and ``resume`` is not given, or there
             is no such item.
+        OSError: the folder was renamed while a run was going on, which keeps its own folder.
     """
     items = chosen(only)
     if not Path("configs/impact.toml").is_file():
@@ -52,10 +55,11 @@ def reproduce(
             raise SceneError(f"'{out}' holds results; --resume goes on, --out takes another folder")
         if json.loads(state.read_text(encoding="utf-8")) != kind:
             raise SceneError(f"'{out}' was begun {'without' if quick else 'with'} --quick")
-    out.mkdir(parents=True, exist_ok=True)
-    write_whole(state, (json.dumps(kind) + "\n").encode())
-    names = dict.fromkeys(name for item in items for name in item.needs)
-    failed = conduct(list(names), out, quick=quick, resume=resume, tell=tell)
-    write_whole(out / "paper.md", write(items, Context(out), failed, quick).encode())
+    with RunFolder.held(out):
+        write_whole(state, (json.dumps(kind) + "\n").encode())
+        names = dict.fromkeys(name for item in items for name in item.needs)
+        failed = conduct(list(names), out, quick=quick, resume=resume, tell=tell)
+        refuse_moved(out)
+        write_whole(out / "paper.md", write(items, Context(out), failed, quick).encode())
     tell(str(out / "paper.md"))
     return ExitCode.MEMBERS_MISSING if failed else ExitCode.DONE

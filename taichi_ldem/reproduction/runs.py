@@ -11,6 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from taichi_ldem.analysis.paper import DISORDER_CVS
+from taichi_ldem.scenarios.interrupts import run_child
+from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.storage.place import refuse_moved
 from taichi_ldem.studies.bending import SPECIMENS
 
 CVS = ",".join(f"{cv:g}" for cv in (0.0, *DISORDER_CVS))
@@ -109,9 +112,13 @@ def conduct(
 
     Returns:
         The runs without a result, each with the reason.
+
+    Raises:
+        Signalled: a signal has ended the run that was going on.
     """
     failed: dict[str, str] = {}
     for name in names:
+        refuse_moved(out)  # commands are given its path
         need, folder = NEEDS[name], out / "runs" / name
         begun = folder.is_dir() and any(folder.iterdir())
         if begun and (folder / need.done).is_file() and _is_whole(need, folder):
@@ -123,7 +130,7 @@ def conduct(
         started = time.perf_counter()
         (out / "logs").mkdir(parents=True, exist_ok=True)
         with (out / "logs" / f"{name}.log").open("w", encoding="utf-8") as log:
-            code = subprocess.run(command, stdout=log, stderr=subprocess.STDOUT).returncode
+            code = run_child(command, stdout=log, stderr=subprocess.STDOUT)
         tell(f"{name}: {time.perf_counter() - started:.0f} s")
         if code:
             last = (out / "logs" / f"{name}.log").read_text(encoding="utf-8").strip()
@@ -132,8 +139,7 @@ def conduct(
 
 
 def _can_resume(need: Need, folder: Path) -> bool:
-    checkpoints = ("checkpoint.h5", "checkpoint.previous.h5")
-    return need.resume[2:3] != ("resume",) or any((folder / c).is_file() for c in checkpoints)
+    return need.resume[2:3] != ("resume",) or RunFolder(folder).has_checkpoint
 
 
 def _is_whole(need: Need, folder: Path) -> bool:

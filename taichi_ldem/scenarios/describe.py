@@ -18,7 +18,7 @@ from taichi_ldem.scene import Scene
 from taichi_ldem.scene.weibull import strength_by_volume
 from taichi_ldem.solver.contact import BODIES
 from taichi_ldem.solver.fields import Features
-from taichi_ldem.solver.memory import field_bytes
+from taichi_ldem.solver.memory import field_bytes, refuse_too_large
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation
@@ -271,6 +271,7 @@ def describe(scene: Scene, measured: bool = False, fields: bool = False) -> Grou
     """
     from taichi_ldem.solver import backend
 
+    refuse_too_large(leave_out.everything(scene) if measured else scene)
     backend.start(scene.solver)
     from taichi_ldem.solver.simulation import Simulation
 

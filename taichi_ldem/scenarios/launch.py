@@ -9,6 +9,7 @@ from taichi_ldem.scenarios.registry import Scenario, entry_of, resumable
 from taichi_ldem.scenarios.runner import Summary
 from taichi_ldem.scene import Scene, load_scene
 from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.storage.provenance import WITHOUT_EFFECT, unequal
 
 
 def run(
@@ -37,6 +38,31 @@ def run(
     if hasattr(module, "run"):
         return int(module.run(scene, out, force=force, quiet=quiet, draw=draw))
     return runner.run(scene, out, module.summary, force=force, quiet=quiet, draw=draw)
+
+
+def go_on(
+    entry: Scenario, scene: Scene, out: Path, *, quiet: bool = False, draw: Draw | None = None
+) -> int:
+    """Start a scene's run, or go on with it where a run of the same scene is in the folder.
+
+    A run without a checkpoint is started anew; one that has finished is left as it is. Arguments
+    and exit codes are those of ``run``.
+
+    Raises:
+        SceneError: the folder holds something else, or checkpoints of which none can be used.
+    """
+    folder = RunFolder(out)
+    if not folder.begun:
+        return run(entry, scene, out, quiet=quiet, draw=draw)
+    if folder.scene_file.is_file():
+        for key, mine, theirs in unequal(scene, load_scene(folder.scene_file), WITHOUT_EFFECT):
+            raise SceneError(
+                f"--resume: '{out}' holds a run of another scene: {key} = {theirs} there, {mine} "
+                "here; give another folder with --out"
+            )
+    if folder.can_go_on:
+        return runner.resume(out, summary_of(entry), scene=scene, quiet=quiet, draw=draw)
+    return run(entry, scene, out, force=True, quiet=quiet, draw=draw)
 
 
 def summary_of(entry: Scenario) -> Summary:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
+from rich.console import Console
 
 from taichi_ldem.analysis import modeshapes
 from taichi_ldem.analysis.modeshapes import Name
@@ -17,11 +18,14 @@ from taichi_ldem.errors import ExitCode, SceneError
 from taichi_ldem.scenarios.describe import warnings
 from taichi_ldem.scenarios.drawing import Draw
 from taichi_ldem.scenarios.progress import make_console
+from taichi_ldem.scenarios.registry import SCENARIOS
 from taichi_ldem.scene import Modes, Scene, scene_to_toml
 from taichi_ldem.solver import backend
-from taichi_ldem.solver.memory import peak_bytes
+from taichi_ldem.solver.memory import peak_bytes, refuse_too_large
+from taichi_ldem.storage.durable import write_whole
 from taichi_ldem.storage.fields import hexahedral_mesh, write_vectors
 from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.storage.provenance import provenance
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.dynamics import Dynamics
@@ -83,9 +87,10 @@ def run(
         SceneError: the scene or the folder is refused; nothing has been written then.
     """
     console = make_console(quiet)
-    RunFolder.check(out, force=force)
-    started = time.perf_counter()
+    files = SCENARIOS["modes"].writes
+    RunFolder.check(out, force=force, files=files)
     linear, notes = linearised(scene)
+    refuse_too_large(linear)
     for line in notes + warnings(scene):
         console.print(f"note: {line}")
     backend.start(linear.solver)
@@ -95,8 +100,29 @@ def run(
     count = (scene.modes or Modes()).count
     operator = eigen.TangentOperator(dynamics, fixed)
     console.print(f"{operator.size:,} degrees of freedom, {count} modes")
-    folder = RunFolder.create(out, force=force)
-    folder.write_scene(scene_to_toml(scene))
+    with RunFolder.held(out):
+        folder = RunFolder.create(out, force=force, files=files)
+        folder.write_scene(scene_to_toml(scene))
+        folder.write_provenance(provenance(scene))
+        try:
+            return _solve(scene, linear, operator, folder, console, draw)
+        except KeyboardInterrupt:
+            print("interrupted", file=sys.stderr)
+            return ExitCode.INTERRUPTED
+
+
+def _solve(
+    scene: Scene,
+    linear: Scene,
+    operator: "TangentOperator",
+    folder: RunFolder,
+    console: Console,
+    draw: Draw | None,
+) -> int:
+    """Compute the modes and write all about them; the exit code."""
+    from taichi_ldem.solver import eigen
+
+    started, count = time.perf_counter(), (scene.modes or Modes()).count
 
     def report(line: str) -> None:
         console.print(f"{time.perf_counter() - started:6.1f} s  {line}")
@@ -108,17 +134,15 @@ def run(
     except eigen.NotConverged as error:
         print(f"stopped: {error}", file=sys.stderr)
         return ExitCode.STOPPED
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return ExitCode.INTERRUPTED
-    named = name_modes(linear, dynamics, solution)
-    write(folder, scene, dynamics, solution, named)
+    folder = folder.now()
+    named = name_modes(linear, operator.dynamics, solution)
+    write(folder, scene, operator.dynamics, solution, named)
     if draw is not None:
-        planes = [mid_plane(dynamics, shape) for shape in solution.shapes]
+        planes = [mid_plane(operator.dynamics, shape) for shape in solution.shapes]
         draw(folder, pictures=False, data=Shapes(named, planes, circles(scene)))
     folder.write_summary(_summary(operator, solution, named, time.perf_counter() - started))
     console.print(table(scene, named))
-    console.print(f"{time.perf_counter() - started:.1f} s in all; results in {out}")
+    console.print(f"{time.perf_counter() - started:.1f} s in all; results in {folder.path}")
     return ExitCode.DONE
 
 
@@ -240,8 +264,8 @@ def write(
             f"{mode.number},{mode.frequency!r},{mode.residual:.3e},{name.kind},"
             f"{','.join(counts)},{mode.group}"
         )
-    (folder.path / "modes.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    (folder.path / "modes.md").write_text(table(scene, named) + "\n", encoding="utf-8")
+    write_whole(folder.path / "modes.csv", ("\n".join(lines) + "\n").encode())
+    write_whole(folder.path / "modes.md", (table(scene, named) + "\n").encode())
     lattice = dynamics.lattice
     points, cells, sites = hexahedral_mesh(lattice.mask, lattice.spacing, lattice.origin)
     at = tuple((sites + 1).T)

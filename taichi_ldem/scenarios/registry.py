@@ -71,6 +71,11 @@ class Scenario:
     options: tuple[Option, ...] = ()
     rules: ScenarioRules | None = None
 
+    @property
+    def writes(self) -> list[str]:
+        """Names of the files that its runs write in addition to those of every run."""
+        return [f"{name}.png" for name in self.figures] + [name for name, _ in self.files]
+
     def load(self) -> ModuleType:
         """The scenario's module."""
         return import_module(self.module)

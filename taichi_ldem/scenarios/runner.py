@@ -4,10 +4,12 @@ A scenario adds its numbers (``summary``) to those of the run. Files, progress, 
 guard are the same for all of them; figures are drawn by a function that the caller passes on.
 
 A run can be stopped at any moment and resumed. Checkpoints are written between two steps: on the
-scene's interval of wall time, on SIGINT and SIGTERM, and at the end.
+scene's interval of wall time, on SIGINT, SIGTERM and SIGHUP, and at the end.
 """
 
+import contextlib
 import itertools
+import shlex
 import signal
 import sys
 import time
@@ -21,7 +23,7 @@ from rich.console import Console
 from taichi_ldem.errors import ExitCode, SceneError, SimulationStopped, TooManyNodes
 from taichi_ldem.scenarios.drawing import Draw
 from taichi_ldem.scenarios.field_output import FieldOutput
-from taichi_ldem.scenarios.interrupts import Interrupts, Signalled
+from taichi_ldem.scenarios.interrupts import WORDS, Interrupts, Signalled
 from taichi_ldem.scenarios.progress import announce, make_console, progress
 from taichi_ldem.scenarios.registry import entry_of
 from taichi_ldem.scene import Scene, load_scene, parse_scene, scene_to_toml
@@ -30,6 +32,7 @@ from taichi_ldem.solver.contact import bodies_of, observables
 from taichi_ldem.solver.memory import peak_bytes, refuse_too_large
 from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.storage.history import HistoryWriter
+from taichi_ldem.storage.place import unlink
 from taichi_ldem.storage.provenance import changed_machine, provenance
 
 if TYPE_CHECKING:
@@ -120,15 +123,16 @@ def run(
         instrument: its state is in no checkpoint, so a run with one takes none.
 
     Returns:
-        DONE, STOPPED (by the guard), UNWRITABLE, INTERRUPTED (Ctrl-C) or TERMINATED (SIGTERM) of
-        ``ExitCode``. What has been computed is kept, ``resume`` continues from the last checkpoint,
-        and only a finished run has a summary.json.
+        DONE, STOPPED (by the guard), UNWRITABLE, INTERRUPTED (Ctrl-C), TERMINATED (SIGTERM) or
+        HUNG_UP (SIGHUP) of ``ExitCode``. What has been computed is kept, ``resume`` continues from
+        the last checkpoint, and only a finished run has a summary.json.
 
     Raises:
         SceneError: the scene or the folder is refused; nothing has been written then.
     """
     console = make_console(quiet)
-    RunFolder.check(out, force=force)
+    files = entry_of(scene).writes
+    RunFolder.check(out, force=force, files=files)
     started = time.perf_counter()
     simulation = _build(scene)
     if instrument is not None and instrument.prepare is not None:
@@ -136,9 +140,9 @@ def run(
     expected = simulation.measure_step() * simulation.steps
     compiled = time.perf_counter() - started
     with RunFolder.held(out):
-        folder = RunFolder.create(out, force=force)
-        folder.write_scene(scene_to_toml(scene))
+        folder = RunFolder.create(out, force=force, files=files)
         folder.write_provenance(provenance(scene))
+        folder.write_scene(scene_to_toml(scene))
         recorder = Recorder(folder, simulation, instrument=instrument)
         announce(console, simulation, expected, recorder.fields.bytes_per_frame)
         return _complete(console, recorder, summary, compiled, draw)
@@ -148,6 +152,7 @@ def resume(
     out: Path,
     summary: Summary,
     *,
+    scene: Scene | None = None,
     extend: float = 0.0,
     quiet: bool = False,
     draw: Draw | None = None,
@@ -155,6 +160,7 @@ def resume(
     """Resume a run from its last good checkpoint; the exit codes are those of ``run``.
 
     Args:
+        scene: what is run, equal to the folder's but for keys without effect; None: the folder's.
         extend: simulated time to add after the scene's end, s.
 
     Raises:
@@ -164,7 +170,7 @@ def resume(
 
     console = make_console(quiet)
     folder = RunFolder(out)
-    scene = load_scene(folder.scene_file)
+    scene = load_scene(folder.scene_file) if scene is None else scene
     if folder.summary_file.is_file() and not extend:
         console.print(f"{out} holds a finished run; --extend SECONDS runs on past its end")
         return ExitCode.DONE
@@ -177,9 +183,10 @@ def resume(
             raise SceneError(f"'{out}' has no checkpoint that can be resumed; run its scene again")
         started = time.perf_counter()
         simulation = _build(scene)
+        folder = folder.now()
         recorder = _restored(folder, simulation, itertools.chain([latest], found))
         if extend:
-            folder.summary_file.unlink(missing_ok=True)  # from here on the run is not finished
+            unlink(folder.summary_file)  # from here on the run is not finished
             folder.write_scene(scene_to_toml(scene))
         _note_origin(folder, simulation)
         console.print(f"resumed at t = {simulation.time:.6g} s, step {simulation.step_number}")
@@ -320,15 +327,15 @@ def _complete(
     console: Console, recorder: Recorder, summary: Summary, compiled: float, draw: Draw | None
 ) -> int:
     """Step to the end, write the summary, draw, and report how the run ended; the exit code."""
-    folder = recorder.folder
     code = ExitCode.DONE
     try:
         with recorder.writer:
             code = _step_or_stop(console, recorder)
         seconds = recorder.stepping_time()
+        folder = recorder.folder = recorder.folder.now()
         if code == ExitCode.DONE:
             _write_summary(recorder, summary, seconds, compiled)
-        if code != ExitCode.TERMINATED and draw is not None:
+        if code not in AT_ONCE and draw is not None:
             whole = code != ExitCode.INTERRUPTED
             pictures = whole and entry_of(recorder.simulation.scene).pictures
             for file in draw(folder, pictures=pictures):
@@ -375,25 +382,29 @@ def _step_through(console: Console, recorder: Recorder) -> None:
                 print(f"{text} at t = {sample.time:.6g} s; see solver.safety", file=sys.stderr)
 
 
+AT_ONCE = (ExitCode.TERMINATED, ExitCode.HUNG_UP)
+"""Ends after which nothing is drawn: whoever sent the signal kills after a grace period."""
+
+
 def _report_signal(recorder: Recorder, number: int) -> ExitCode:
-    word, code = "interrupted", ExitCode.INTERRUPTED
-    if number == signal.SIGTERM:
-        word, code = "terminated", ExitCode.TERMINATED
-    kept = recorder.folder.path
+    code = ExitCode(128 + number)
+    word = WORDS[code]
+    kept = recorder.folder.now().path
     line = f"{word} at t = {recorder.simulation.time:.6g} s; kept in {kept}"
     if recorder.checkpoints is not None:
-        line += f"; `ldem resume {kept}` goes on"
+        line += f"; `ldem resume {shlex.quote(str(kept))}` goes on"
     print(line, file=sys.stderr)
     return code
 
 
 def _report_unwritable(recorder: Recorder, error: OSError) -> None:
-    from taichi_ldem.storage.checkpoint import LATEST, PREVIOUS
-
+    with contextlib.suppress(OSError):  # where it is gone the error says so
+        recorder.folder = recorder.folder.now()
     path = recorder.folder.path
     line = f"error: {error}; stopped at t = {recorder.simulation.time:.6g} s"
-    if (path / LATEST).is_file() or (path / PREVIOUS).is_file():
-        line += f"; make room, then `ldem resume {path}` goes on from the last checkpoint"
+    if recorder.folder.has_checkpoint:
+        again = f"ldem resume {shlex.quote(str(path))}"
+        line += f"; make room, then `{again}` goes on from the last checkpoint"
     else:
         line += "; there is no checkpoint to go on from"
     print(line, file=sys.stderr)

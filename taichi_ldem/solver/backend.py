@@ -5,8 +5,9 @@ import ctypes
 import functools
 import os
 import sys
+import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +18,27 @@ from taichi_ldem.scene import Solver
 @contextlib.contextmanager
 def _silent_stdout() -> Iterator[None]:
     """Discard what native code prints to stdout."""
-    sys.stdout.flush()
-    saved = os.dup(1)
+    _flush()
+    try:
+        saved = os.dup(1)
+    except OSError:  # closed: native code prints to nothing already
+        yield
+        return
     sink = os.open(os.devnull, os.O_WRONLY)
     try:
         os.dup2(sink, 1)
         yield
-        sys.stdout.flush()
     finally:
+        _flush()
         os.dup2(saved, 1)
         os.close(saved)
         os.close(sink)
+
+
+def _flush() -> None:
+    # under pythonw there is no stdout, and a reader of it may have gone
+    with contextlib.suppress(AttributeError, OSError, ValueError):
+        sys.stdout.flush()
 
 
 STALE = 60.0
@@ -104,6 +115,66 @@ def _spare_taichi_work() -> None:
             setattr(kernel_impl, name, functools.cache(getattr(kernel_impl, name)))
 
 
+@contextlib.contextmanager
+def _environment() -> Iterator[None]:
+    """The environment as Taichi bears it: with a home, and with nothing that overrules a scene.
+
+    Taichi aborts the process without HOME (services, cron and containers have none) and where
+    TI_ARCH names no device. It would also put TI_ARCH above ``solver.arch``. Where stdout is
+    replaced it passes on what kernels print, at each call of a kernel, unless TI_ENABLE_PYBUF is 0.
+    """
+    changed = {"TI_ARCH": None, "TI_ENABLE_PYBUF": "0"}
+    if not os.environ.get("HOME") and sys.platform != "win32":
+        changed["HOME"] = _home()
+    before = {name: os.environ.get(name) for name in changed}
+    _set(changed)
+    try:
+        yield
+    finally:
+        _set(before)
+
+
+def _set(variables: Mapping[str, str | None]) -> None:
+    """Set variables of the environment; None: without it."""
+    for name, value in variables.items():
+        os.environ.pop(name, None)
+        if value is not None:
+            os.environ[name] = value
+
+
+def _home() -> str:
+    """The user's folder as the system knows it; a folder for temporary files without one."""
+    try:
+        return str(Path.home())
+    except RuntimeError:  # a number of a user that has no name, as in containers
+        return tempfile.gettempdir()
+
+
+def _cache_folder(wanted: Path) -> Path:
+    """Where Taichi's cache goes: without a folder that it can write, Taichi ends with a fault.
+
+    Raises:
+        SceneError: neither the wanted folder nor one for temporary files can be written.
+    """
+    if _writable(wanted):
+        return wanted
+    own = Path(tempfile.gettempdir(), f"taichi_ldem_cache_{getattr(os, 'getuid', int)()}")
+    # kernels are executed: nobody else may have put some there
+    if _writable(own) and (not hasattr(os, "getuid") or own.lstat().st_uid == os.getuid()):
+        return own
+    raise SceneError(
+        f"cannot write Taichi's cache to '{wanted}': set TI_OFFLINE_CACHE_FILE_PATH to a folder"
+    )
+
+
+def _writable(folder: Path) -> bool:
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError:
+        return False
+    return os.access(folder, os.W_OK | os.X_OK)
+
+
 def _free_cache(folder: Path) -> None:
     """Remove locks left behind by a process that was killed while it wrote Taichi's cache.
 
@@ -125,17 +196,32 @@ def start(solver: Solver) -> None:
         SceneError: the backend is missing, or has no f64.
     """
     _refuse_absent(solver)
-    with _silent_stdout():
+    options: dict[str, Any] = {"cpu_max_num_threads": solver.threads} if solver.threads else {}
+    if not _initialise(solver.arch, solver.precision, options):
+        raise SceneError(f'solver.arch = "{solver.arch}": no such device here; use "cpu"')
+
+
+def start_for_pictures() -> None:
+    """Import and initialise Taichi where it draws and computes nothing."""
+    _initialise("cpu", "f32", {})
+
+
+def _initialise(wanted: str, precision: str, options: dict[str, Any]) -> bool:
+    """Import and initialise Taichi; False where it has taken another device than the wanted one."""
+    with _silent_stdout(), _environment():
         import taichi as ti
 
         _spare_taichi_work()
-        cache = os.environ.get("TI_OFFLINE_CACHE_FILE_PATH")
-        _free_cache(Path(cache or ti.lang.impl.default_cfg().offline_cache_file_path))
+        given = os.environ.get("TI_OFFLINE_CACHE_FILE_PATH")
+        cache = _cache_folder(Path(given or ti.lang.impl.default_cfg().offline_cache_file_path))
+        _free_cache(cache)
         # not ti.gpu, which also looks for Vulkan and may abort in its driver
-        arch = {"cpu": ti.cpu, "vulkan": ti.vulkan}.get(solver.arch, ti.cuda)
-        real = ti.f64 if solver.precision == "f64" else ti.f32
-        options = {"cpu_max_num_threads": solver.threads} if solver.threads else {}
-        ti.init(arch=arch, default_fp=real, fast_math=False, log_level=ti.ERROR, **options)
-        current = ti.lang.impl.current_cfg().arch
-    if current != arch:
-        raise SceneError(f'solver.arch = "{solver.arch}": no such device here; use "cpu"')
+        arch = {"cpu": ti.cpu, "vulkan": ti.vulkan}.get(wanted, ti.cuda)
+        real = ti.f64 if precision == "f64" else ti.f32
+        options = {"arch": arch, "default_fp": real, "default_ip": ti.i32, **options}
+        options["offline_cache_file_path"] = str(cache)
+        try:
+            ti.init(fast_math=False, log_level=ti.ERROR, **options)
+        except ValueError as error:  # a variable such as TI_DEBUG that is no number
+            raise SceneError(f"a variable TI_... of the environment: {error}") from None
+        return bool(ti.lang.impl.current_cfg().arch == arch)

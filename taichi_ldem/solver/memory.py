@@ -6,6 +6,7 @@ import math
 import os
 
 from taichi_ldem.errors import SceneError
+from taichi_ldem.machine import addresses_left
 from taichi_ldem.machine import available_bytes as available_bytes
 from taichi_ldem.machine import peak_bytes as peak_bytes
 from taichi_ldem.scene import Scene
@@ -13,6 +14,10 @@ from taichi_ldem.solver.fields import Features, Layout, rows
 
 BASE = 250e6
 """Bytes of the interpreter, Taichi's compiler and the libraries: 230 MB measured."""
+
+ADDRESSES = 1.9e9
+"""Bytes of addresses that a run reserves whatever its lattice: 1 GiB for Taichi, which never uses
+them, and libraries. With them a small run takes 2.09 GB of addresses in all, 0.2 GB before."""
 
 HOST = 20 * 48
 """Most bytes a site that NumPy and SciPy take: vectors of six f64 each, 18.7 measured. Eight are
@@ -51,20 +56,45 @@ that overwrites the first fields."""
 
 
 def refuse_too_large(scene: Scene) -> None:
-    """Raise SceneError where a scene's lattice does not fit into memory."""
+    """Raise SceneError where a scene's lattice does not fit into memory, or no run does."""
     fields = _all_field_bytes(scene)
     if scene.solver.arch == "vulkan" and fields >= VULKAN_LIMIT:
         raise SceneError(
             f'solver.arch = "vulkan": the lattice needs {fields:,} bytes, and Taichi can address '
             '4 GiB there; take fewer modules or "cuda" or "cpu"'
         )
-    free, needed = available_bytes(), needed_bytes(scene)
+    free, needed = _free_bytes(), needed_bytes(scene)
     if free is None or needed <= free:
         return
     nx, ny, nz = scene.plate.modules
-    fitting = max(1, int(nz * ((free - BASE) / (needed - BASE)) ** (1 / 3))) if free > BASE else 1
     raise SceneError(
         f"plate.modules_through_thickness = {nz}: {nx} x {ny} x {nz} modules need about "
-        f"{needed:,} bytes of memory, and {free:,} are available; take fewer modules (about "
-        f'{fitting}) or solver.precision = "f32"'
+        f"{needed:,} bytes of memory, and {free:,} are available; take "
+        f"{' or '.join(_remedies(scene, free, needed))}"
     )
+
+
+def _free_bytes() -> int | None:
+    """Bytes for a lattice and what every run takes; SceneError where not even that is left."""
+    free, addresses = available_bytes(), addresses_left()
+    if addresses is None:
+        return free
+    if addresses < ADDRESSES:
+        raise SceneError(
+            f"the limit of this shell leaves {addresses:,} bytes of addresses, and a run reserves "
+            f"about {ADDRESSES:,.0f}: raise it (ulimit -v)"
+        )
+    rest = addresses - int(ADDRESSES - BASE)
+    return rest if free is None else min(free, rest)
+
+
+def _remedies(scene: Scene, free: int, needed: int) -> list[str]:
+    """What would make a lattice fit into so many bytes."""
+    layers = scene.plate.modules[2]
+    share = max(0.0, (free - BASE) / (needed - BASE))
+    fitting = max(1, int(layers * share ** (1 / 3)))
+    found = [f"fewer modules (about {fitting})" if fitting < layers else "a smaller plate"]
+    single = scene.solver.model_copy(update={"precision": "f32"})
+    if needed_bytes(scene.model_copy(update={"solver": single})) <= free:
+        found.append('solver.precision = "f32"')
+    return found

@@ -25,8 +25,9 @@ from taichi_ldem import __version__
 from taichi_ldem.errors import SceneError
 from taichi_ldem.machine import available_bytes
 from taichi_ldem.scene import Scene, parse_scene_text, scene_to_toml
-from taichi_ldem.storage.durable import MemoryFile, sync_folder, write_whole
-from taichi_ldem.storage.provenance import canonical, provenance
+from taichi_ldem.storage import place
+from taichi_ldem.storage.durable import MemoryFile, write_whole
+from taichi_ldem.storage.provenance import provenance, unequal
 
 LATEST, PREVIOUS, NEW = "checkpoint.h5", "checkpoint.previous.h5", "checkpoint.new.h5"
 FORMAT = 2
@@ -208,9 +209,9 @@ class Checkpoints:
         new, latest = self._folder / NEW, self._folder / LATEST
         write_whole(new, encode(checkpoint))
         if self._good == LATEST:
-            latest.replace(self._folder / PREVIOUS)
-        new.replace(latest)
-        sync_folder(self._folder)
+            place.replace(latest, self._folder / PREVIOUS)
+        place.replace(new, latest)
+        place.sync_folder(self._folder)
         self._good = LATEST
 
     def usable(self, scene: Scene) -> Iterator[tuple[str, Checkpoint]]:
@@ -242,14 +243,7 @@ def _read(path: Path) -> bytes:
 
 def refuse_other(saved: Scene, scene: Scene) -> None:
     """Raise CheckpointError where a checkpoint's scene is not the folder's."""
-    mine, theirs = canonical(scene), canonical(saved)
-    for key in sorted((mine.keys() | theirs.keys()) - set(MAY_DIFFER)):
-        if mine.get(key) != theirs.get(key):
-            raise CheckpointError(
-                f"is of another scene: {key} = {_show(theirs.get(key))} in the checkpoint, "
-                f"{_show(mine.get(key))} in scene.toml"
-            )
-
-
-def _show(value: Any) -> str:
-    return "absent" if value is None else json.dumps(value)[:64]
+    for key, mine, theirs in unequal(scene, saved, MAY_DIFFER):
+        raise CheckpointError(
+            f"is of another scene: {key} = {theirs} in the checkpoint, {mine} in scene.toml"
+        )

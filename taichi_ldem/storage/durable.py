@@ -21,6 +21,7 @@ import h5py
 from filelock import BaseFileLock, FileLock, Timeout
 
 from taichi_ldem.errors import SceneError
+from taichi_ldem.storage import place
 
 if TYPE_CHECKING:
     from typing_extensions import Buffer
@@ -42,25 +43,15 @@ def write_whole(path: Path, content: bytes) -> None:
     """
     temporary = path.with_name(path.name + TEMPORARY)
     try:
-        with open(temporary, "wb", buffering=0) as file:
+        with place.open_file(temporary, "wb") as file:
             _write_all(file, content, 0)
             os.fsync(file.fileno())
-        os.replace(temporary, path)
+        place.replace(temporary, path)
     except OSError as error:
         with contextlib.suppress(OSError):
-            temporary.unlink()
+            place.unlink(temporary)
         raise _named(error, path) from None
-    sync_folder(path.parent)
-
-
-def sync_folder(path: Path) -> None:
-    """Put the names in a folder on the disk, where the system can do that."""
-    with contextlib.suppress(OSError):
-        folder = os.open(path, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
+    place.sync_folder(path.parent)
 
 
 def _write_all(file: io.FileIO, content: bytes, at: int) -> None:
@@ -84,20 +75,21 @@ def _named(error: OSError, path: Path) -> OSError:
 def locked(folder: Path) -> Iterator[None]:
     """Hold a folder for this process; the system releases the lock however the process ends.
 
-    On a file system that has no locks the folder is not held.
+    What this process writes into the folder stays in it, wherever it is renamed to. On a file
+    system that has no locks the folder is not locked.
 
     Raises:
         SceneError: another process holds the folder.
     """
     lock = _take(folder)
-    if lock is None:
-        yield
-        return
     try:
-        _write_holder(folder, f"process {os.getpid()} on {socket.gethostname()}\n")
-        yield
+        if lock is not None:
+            _write_holder(folder, f"process {os.getpid()} on {socket.gethostname()}\n")
+        with place.held(folder):
+            yield
     finally:
-        lock.release()
+        if lock is not None:
+            lock.release()
 
 
 def refuse_locked(folder: Path) -> None:
@@ -155,7 +147,7 @@ class Appending:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._file = open(path, "r+b", buffering=0)  # noqa: SIM115
+        self._file = place.open_file(path, "r+b")
         self._end = os.fstat(self._file.fileno()).st_size
 
     def append(self, text: str) -> None:
@@ -187,7 +179,7 @@ class Patch(io.RawIOBase):
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._file = open(path, "r+b", buffering=0)  # noqa: SIM115
+        self._file = place.open_file(path, "r+b")
         self._size = os.fstat(self._file.fileno()).st_size
         # not its size: after a kill there may be bytes behind the end that HDF5 knows
         self._file.seek(_END_OF_FILE)

@@ -180,7 +180,7 @@ def write_vectors(
     points: (P, 3) [m]; hexahedra: (C, 8) point numbers, VTK's order; vectors: (P, 3) each, stored
     in single precision.
     """
-    with h5py.File(path, "w", locking=False) as file:
+    with created(path) as file:
         fields = _write_mesh(file, points, hexahedra).create_group("PointData")
         for name, values in vectors.items():
             fields.create_dataset(name, data=np.asarray(values, dtype=np.float32), **_PACKED)

@@ -9,8 +9,9 @@ from __future__ import annotations
 import json
 import math
 import re
+import sys
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,22 +21,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_ldem.errors import SceneError
-from taichi_ldem.storage.durable import LOCK, locked, refuse_locked, write_whole
+from taichi_ldem.storage.checkpoint import LATEST, NEW, PREVIOUS
+from taichi_ldem.storage.durable import LOCK, TEMPORARY, locked, refuse_locked, write_whole
 from taichi_ldem.storage.history import read_history
+from taichi_ldem.storage.place import current, unlink
 
-# What a run and its pictures leave in the folder: all that `--force` may remove.
-_OWN_FILES = re.compile(
-    r"(scene\.toml|history\.csv|fields\.vtkhdf|summary\.json|run\.json)(\.tmp)?"
-    r"|checkpoint(\.previous|\.new)?\.h5(\.tmp)?"
-    r"|(force|force_displacement|velocity|energy|stress_strain)\.png"
-    r"|(crack_map|cracks|crack_growth)\.png"
-    r"|(pulse|dispersion|anisotropy)\.png|(probes|profiles)\.csv"
-    r"|modes\.(csv|md|png|vtkhdf)"
-    r"|crack_[0-9.]+ms_(below|above|cut)\.png"
-    r"|shot_[0-9.]+ms(_(below|above|cut)(_az[-+.e0-9]+)?(_el[-+.e0-9]+)?(_[xyz][-+.e0-9]+)?"
-    r"(_velocity|_energy)?)?\.png"
-    r"|movie\.(mp4|gif)|report\.html"
+OF_EVERY_RUN = (
+    "run.json",
+    "scene.toml",
+    "history.csv",
+    "fields.vtkhdf",
+    "summary.json",
+    LATEST,
+    PREVIOUS,
+    NEW,
 )
+"""Files that every run writes, or may write. Each may stand there with ``.tmp`` after a kill."""
+
+_PICTURE = re.compile(r"crack_[0-9.]+ms_(below|above|cut)\.png")
+"""Names of the pictures that a run draws at its end, at times that it does not know before."""
 
 
 @dataclass(frozen=True)
@@ -45,48 +49,87 @@ class RunFolder:
     path: Path
 
     @classmethod
-    def create(cls, path: Path, *, force: bool) -> RunFolder:
-        """Make the folder ready for a new run.
+    def create(cls, path: Path, *, force: bool, files: Sequence[str] = ()) -> RunFolder:
+        """Make the folder ready for a new run, and begin its record ``run.json``.
 
-        With `force`, files that an earlier run wrote are removed; any other file stays.
+        With `force`, files that the record of an earlier run lists are removed; any other file
+        stays.
+
+        Args:
+            files: names that this run writes in addition to those of every run.
 
         Raises SceneError as `check` does, and when an old file cannot be removed.
         """
-        cls._check_place(Path(path), force=force)
-        folder = cls(Path(path))
+        path = Path(path)
+        cls._check_place(path, force=force, files=files)
+        folder = cls(path)
         try:
-            folder.path.mkdir(parents=True, exist_ok=True)
-            # The summary goes first: a folder half emptied must not look like a finished run.
-            for old in (folder.summary_file, *folder._own_files()):
-                old.unlink(missing_ok=True)
+            path.mkdir(parents=True, exist_ok=True)
+            # The summary goes first: a folder half emptied must not look like a finished run. The
+            # record is replaced last: until then it lists what is left.
+            old = [name for name in folder.own_files() if name != folder.provenance_file.name]
+            for name in ("summary.json", *old):
+                unlink(path / name)
+            folder._write_record({"processes": [], "files": sorted({*OF_EVERY_RUN, *files})})
         except OSError as error:
             raise SceneError(f"cannot use '{path}' as run folder: {error.strerror}") from None
         return folder
 
     @staticmethod
-    def check(path: Path, *, force: bool) -> None:
+    def check(
+        path: Path, *, force: bool, files: Sequence[str] = (), source: Path | None = None
+    ) -> None:
         """Raise SceneError where `create` would refuse; nothing that exists is changed.
 
-        Refused: a path that is no folder, a folder with anything in it unless `force`, a place
-        where files cannot be written; a folder that another process works in, which `create` leaves
-        to `held`.
+        Refused: a path that is no folder, a folder with anything in it unless `force`, files that
+        no run's record lists and that the new run would replace, the scene's own file among them; a
+        place where files cannot be written; a folder that another process works in, which `create`
+        leaves to `held`.
+
+        Args:
+            files: as for `create`.
+            source: the file of the scene that is to be run.
         """
-        RunFolder._check_place(Path(path), force=force)
-        refuse_locked(Path(path))
+        path = Path(path)
+        RunFolder._check_place(path, force=force, files=files)
+        if source is not None and force:
+            for name in (*RunFolder(path).own_files(), *OF_EVERY_RUN, *files):
+                with suppress(OSError):
+                    if source.samefile(path / name):
+                        raise SceneError(
+                            f"run folder '{path}' holds the scene '{source}' itself, which --force "
+                            "would replace; give another folder with --out, or another scene file"
+                        )
+        refuse_locked(path)
 
     @staticmethod
-    def _check_place(path: Path, *, force: bool) -> None:
+    def _check_place(path: Path, *, force: bool, files: Sequence[str]) -> None:
         try:
+            for place in (path, *path.parents):
+                if place.is_symlink() and not place.exists():
+                    raise SceneError(f"run folder '{path}': '{place}' is a link to nothing")
             if path.exists() and not path.is_dir():
                 raise SceneError(f"run folder '{path}' is a file; give a folder with --out")
-            if path.is_dir() and not force and any(p.name != LOCK for p in path.iterdir()):
-                raise SceneError(f"run folder '{path}' is not empty; --force overwrites its run")
+            if path.is_dir():
+                RunFolder(path)._refuse_others_files(force, files)
             existing = next(p for p in (path, *path.absolute().parents) if p.exists())
             # Permission bits lie (root, read-only mounts, quotas): only writing tells.
             with tempfile.TemporaryFile(dir=existing):
                 pass
         except OSError as error:
             raise SceneError(f"cannot write to run folder '{path}': {error.strerror}") from None
+
+    def _refuse_others_files(self, force: bool, files: Sequence[str]) -> None:
+        present = {path.name for path in self.path.iterdir()} - {LOCK}
+        if present and not force:
+            raise SceneError(f"run folder '{self.path}' is not empty; --force replaces its run")
+        wanted = {name for name in present if name in (*OF_EVERY_RUN, *files)}
+        wanted |= {name for name in present if _PICTURE.fullmatch(name)}
+        if others := sorted(wanted - set(self.own_files())):
+            raise SceneError(
+                f"run folder '{self.path}': no run's record (run.json) lists '{others[0]}', so "
+                "--force does not replace it; move it, or give another folder with --out"
+            )
 
     @staticmethod
     @contextmanager
@@ -98,6 +141,20 @@ class RunFolder:
                 yield
         except PermissionError as error:
             raise SceneError(f"cannot write to run folder '{path}': {error.strerror}") from None
+
+    def now(self) -> RunFolder:
+        """The folder where it is now: it may have been renamed since it was held.
+
+        Raises:
+            OSError: it has been removed, or replaced by another one.
+        """
+        path = current(self.path)
+        if path != self.path:
+            print(
+                f"note: '{self.path}' is another folder now: this run is in '{path}'",
+                file=sys.stderr,
+            )
+        return RunFolder(path)
 
     @classmethod
     def open(cls, path: Path) -> RunFolder:
@@ -135,18 +192,71 @@ class RunFolder:
         """What wrote the run: versions, machine and command line of each process, JSON."""
         return self.path / "run.json"
 
+    @property
+    def begun(self) -> bool:
+        """Whether a run has begun here: its record is there, which is written first."""
+        return bool(self._record())
+
+    @property
+    def has_checkpoint(self) -> bool:
+        """Whether there is a checkpoint, which may turn out to be damaged."""
+        return any((self.path / name).is_file() for name in (LATEST, PREVIOUS))
+
+    @property
+    def can_go_on(self) -> bool:
+        """Whether there is a run that has finished or has a checkpoint."""
+        return self.begun and (self.summary_file.is_file() or self.has_checkpoint)
+
     def processes(self) -> list[Any]:
         """What ``run.json`` says of each process that has worked on the run, the first first."""
-        earlier: Any = []
-        with suppress(OSError, ValueError, KeyError, TypeError):
-            earlier = json.loads(self.provenance_file.read_text(encoding="utf-8"))["processes"]
-        return earlier if isinstance(earlier, list) else []
+        return list(self._record().get("processes", []))
+
+    def own_files(self) -> list[str]:
+        """Names of the files that the run has written or may write, as its record lists them.
+
+        ``run.json`` lists them before they are written. Without a record there are none.
+        """
+        listed = [name for name in self._record().get("files", []) if _is_plain(name)]
+        begun = self.provenance_file.name + TEMPORARY  # all that a kill at the very start leaves
+        return list(dict.fromkeys([*listed, *(name + TEMPORARY for name in listed), begun]))
+
+    def claim(self, names: Iterable[str]) -> None:
+        """Add names to the record's list, before files of these names are written.
+
+        A folder whose record has no list stays as it is: an earlier version made it.
+
+        Raises:
+            SceneError: a file of this name is there, and no run has written it.
+        """
+        record = self._record()
+        if "files" not in record:
+            return
+        new = [name for name in names if name not in record["files"]]
+        for name in new:
+            if (self.path / name).exists():
+                raise SceneError(
+                    f"'{self.path / name}' is not this run's, so it is not replaced; move it"
+                )
+        if new:
+            self._write_record(record | {"files": sorted({*record["files"], *new})})
+
+    def _record(self) -> dict[str, Any]:
+        """The contents of ``run.json`` as far as they have the right shape."""
+        found: Any = None
+        with suppress(OSError, ValueError, RecursionError):
+            found = json.loads(self.provenance_file.read_text(encoding="utf-8"))
+        if not isinstance(found, dict) or not isinstance(found.get("processes"), list):
+            return {}
+        lists = {key: found[key] for key in ("processes", "files") if key in found}
+        return {key: value for key, value in lists.items() if isinstance(value, list)}
+
+    def _write_record(self, record: Mapping[str, Any]) -> None:
+        write_whole(self.provenance_file, (json.dumps(record, indent=2) + "\n").encode())
 
     def write_provenance(self, provenance: dict[str, Any]) -> None:
         """Add a process to those that have worked on the run."""
-        processes = [*self.processes(), provenance]
-        text = json.dumps({"processes": processes}, indent=2) + "\n"
-        write_whole(self.provenance_file, text.encode())
+        record = self._record()
+        self._write_record(record | {"processes": [*record.get("processes", []), provenance]})
 
     def picture_metadata(self) -> dict[str, str]:
         """Text chunks of the run's PNG files: the last process's scene and version."""
@@ -181,8 +291,10 @@ class RunFolder:
         """Columns of `history.csv` by header name, each (n,); see `history.read_history`."""
         return read_history(self.history_file)
 
-    def _own_files(self) -> Iterable[Path]:
-        return [p for p in self.path.iterdir() if _OWN_FILES.fullmatch(p.name) and p.is_file()]
+
+def _is_plain(name: Any) -> bool:
+    """Whether a name from a record is that of a file in the folder itself."""
+    return isinstance(name, str) and name not in ("", ".", "..") and not {"/", "\\", "\0"} & {*name}
 
 
 def _plain(value: Any) -> Any:

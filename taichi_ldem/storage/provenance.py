@@ -9,6 +9,7 @@ import platform
 import shlex
 import subprocess
 import sys
+from collections.abc import Iterator, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -50,6 +51,18 @@ def scene_hash(scene: Scene) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+def unequal(one: Scene, other: Scene, but: Sequence[str]) -> Iterator[tuple[str, str, str]]:
+    """Keys in which two scenes differ, with both values as text; some keys are left out."""
+    mine, theirs = canonical(one), canonical(other)
+    for key in sorted((mine.keys() | theirs.keys()) - set(but)):
+        if mine.get(key) != theirs.get(key):
+            yield key, _show(mine.get(key)), _show(theirs.get(key))
+
+
+def _show(value: Any) -> str:
+    return "absent" if value is None else json.dumps(value)[:64]
+
+
 def provenance(scene: Scene) -> dict[str, Any]:
     """Facts that identify a run in its files; git's state only where this is a checkout."""
     return {
@@ -60,7 +73,7 @@ def provenance(scene: Scene) -> dict[str, Any]:
         "packages": {name: _version(name) for name in PACKAGES},
         "platform": platform.platform(),
         "cpu": processor_name(),
-        "command": shlex.join(sys.argv),
+        "command": shlex.join(sys.argv).encode(errors="backslashreplace").decode(),
     }
 
 

@@ -15,7 +15,6 @@ measure; its share in bars away from the notch's plane is damage that a flat cra
 """
 
 import json
-import subprocess
 import sys
 from argparse import ArgumentParser
 from collections.abc import Mapping, Sequence
@@ -29,7 +28,11 @@ from taichi_ldem.model import material as mat
 from taichi_ldem.model.cell import CELLS
 from taichi_ldem.model.lattice import Lattice, prism
 from taichi_ldem.scenarios.bend import notch_depth
+from taichi_ldem.scenarios.interrupts import Signalled, run_child
 from taichi_ldem.scene import Scene, load_scene, parse_scene, scene_to_toml
+from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.storage.place import refuse_moved
+from taichi_ldem.streams import courteous
 from taichi_ldem.studies import compliance
 
 # W and a, m, over the paper's ranges of 6.21 to 7.26 mm and 1.9 to 6.38 mm; it gives no pairs
@@ -92,10 +95,10 @@ def run(specimen: Specimen, base: Scene, folder: Path, extra: Sequence[str]) -> 
         file.write_text(scene_to_toml(scene))
         print(specimen.name, flush=True)
         command = [sys.executable, "-m", "taichi_ldem.cli", "bend", str(file), "--out", str(out)]
-        done = subprocess.run([*command, "--force", *extra], check=False)
-        if done.returncode:
-            print(f"{specimen.name}: failed with exit code {done.returncode}", flush=True)
-            return done.returncode
+        code = run_child([*command, "--force", *extra])
+        if code:
+            print(f"{specimen.name}: failed with exit code {code}", flush=True)
+            return code
     if not (out / "statics.json").exists():
         (out / "statics.json").write_text(json.dumps(statics(scene)))
     return 0
@@ -109,11 +112,12 @@ def series(
     others: Sequence[Row] = (),
 ) -> int:
     """Run what is missing and report after every specimen; the last exit code that is not 0."""
-    folder.mkdir(parents=True, exist_ok=True)
     code = 0
-    for specimen in specimens:
-        code = run(specimen, base, folder, extra) or code
-        report(read(specimens, base, folder), base, folder, others)
+    with RunFolder.held(folder):
+        for specimen in specimens:
+            code = run(specimen, base, folder, extra) or code
+            refuse_moved(folder)
+            report(read(specimens, base, folder), base, folder, others)
     return code
 
 
@@ -340,7 +344,12 @@ def main() -> None:
     extra = ["--threads", str(options.threads)] if options.threads else []
     finished = [json.loads((folder / "summary.json").read_text()) for folder in options.beside]
     others = [row for numbers in finished for row in numbers["specimens"]]
-    sys.exit(series(specimens, base, options.folder, extra, others))
+    with courteous():
+        try:
+            code = series(specimens, base, options.folder, extra, others)
+        except Signalled as signalled:
+            code = 128 + signalled.number
+    sys.exit(code)
 
 
 if __name__ == "__main__":

@@ -274,7 +274,7 @@ def test_damage_beside_the_notch_s_plane_is_told_apart(finished: RunFolder) -> N
 
 def test_a_new_run_clears_the_folder(finished: RunFolder) -> None:
     left = {path.name for path in finished.path.iterdir()}
-    assert left - {path.name for path in finished._own_files()} == {"run.lock"}
+    assert left - set(finished.own_files()) == {"run.lock"}
 
 
 def test_a_run_has_its_pictures(finished: RunFolder) -> None:

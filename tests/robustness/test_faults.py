@@ -13,7 +13,8 @@ import pytest
 from support.command import COMMAND, SCENE, WITHOUT_VULKAN, ldem
 
 from taichi_ldem.storage import checkpoint as cp
-from taichi_ldem.storage.fields import read_times
+from taichi_ldem.storage.compare import differences
+from taichi_ldem.storage.fields import read_broken_bars, read_times
 from taichi_ldem.storage.folder import RunFolder
 
 UNWRITABLE = 4
@@ -200,3 +201,59 @@ def test_a_run_whose_contact_never_happens_says_so(scene: Path, tmp_path: Path) 
     assert done.returncode == 0
     reason = "it has come 4e-05 m of striker.gap = 0.01"
     assert f"warning: the striker never touched the plate: {reason}" in done.stderr
+
+
+@pytest.mark.slow
+def test_nobody_reads_what_a_run_prints(scene: Path, tmp_path: Path) -> None:
+    """`ldem impact ... 2>&1 | head -3`: exit code 1 and no checkpoint before."""
+    out = tmp_path / "run"
+    words = ["impact", str(scene), "--out", str(out), "--set", "solver.duration=1e-5"]
+    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    process = subprocess.Popen([*COMMAND, *words], env=WITHOUT_VULKAN, **streams)  # type: ignore
+    assert process.stdout is not None
+    for _ in range(3):
+        process.stdout.readline()
+    process.stdout.close()
+    assert process.wait(300) == 0
+    assert (out / "checkpoint.h5").is_file()
+    assert (out / "summary.json").is_file()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ignored", [False, True], ids=["hang_up", "nohup"])
+def test_a_terminal_that_closes(scene: Path, tmp_path: Path, ignored: bool) -> None:
+    import pty
+
+    out = tmp_path / "run"
+    words = ["impact", str(scene), "--out", str(out)]
+    words += ["--set", "solver.duration=2e-5"] if ignored else ["--set", "solver.duration=1e-2"]
+    process, terminal = pty.fork()
+    if not process:
+        signal.signal(signal.SIGHUP, signal.SIG_IGN if ignored else signal.SIG_DFL)
+        os.execve(sys.executable, [*COMMAND, *words], WITHOUT_VULKAN)
+    _wait_for_rows(out, 3)
+    os.close(terminal)
+    code = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
+    assert code == (0 if ignored else 129)
+    assert (out / "checkpoint.h5").is_file()
+    assert (out / "summary.json").is_file() == ignored
+
+
+@pytest.mark.slow
+def test_a_run_whose_folder_is_renamed_and_its_successor(scene: Path, tmp_path: Path) -> None:
+    """The first run wrote its checkpoints, fields and broken bars into the second's folder."""
+    out, moved, whole = (tmp_path / name for name in ("run", "moved", "whole"))
+    assert _start(scene, whole).wait(300) == 0
+    first = _start(scene, out)
+    _wait_for_rows(out, 3)
+    out.rename(moved)
+    second = _start(scene, out, "--set", "striker.velocity=6.0")
+    _, said = first.communicate(timeout=300)
+    assert first.returncode == second.wait(300) == 0
+    assert f"'{out}' is another folder now: this run is in '{moved}'" in said
+    assert differences(whole, moved) == []
+    bars = RunFolder.open(out).read_history()["broken_bars"][-1]
+    assert len(read_broken_bars(out / "fields.vtkhdf").bar) == bars
+    at = cp.decode((out / cp.LATEST).read_bytes())
+    assert at.scene.striker is not None
+    assert at.scene.striker.velocity == 6.0

@@ -42,7 +42,7 @@ def test_memory_is_unknown_where_python_has_no_resource_module(
 ) -> None:
     monkeypatch.setitem(sys.modules, "resource", None)  # as on Windows: importing it fails
     assert machine.peak_bytes() is None
-    assert machine._limit_of_process() is None
+    assert machine.addresses_left() is None
 
 
 def test_modes_can_be_imported_without_the_resource_module() -> None:

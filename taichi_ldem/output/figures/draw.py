@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -20,6 +21,7 @@ from taichi_ldem.output.curves.chart import (
     Point,
     Times,
 )
+from taichi_ldem.storage.durable import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,8 +62,15 @@ def save(
         figure = Figure(figsize=size, dpi=dpi, layout="constrained")
         FigureCanvasAgg(figure)
         draw(figure)
-        figure.savefig(file, metadata=metadata)
+        write_figure(file, figure, metadata=metadata)
     return file
+
+
+def write_figure(file: Path, figure: Figure, **how: Any) -> None:
+    """Write a figure whole or not at all; ``how`` is given to Matplotlib's ``savefig``."""
+    image = io.BytesIO()
+    figure.savefig(image, format="png", **how)
+    write_whole(file, image.getvalue())
 
 
 def symbols(text: str) -> str:

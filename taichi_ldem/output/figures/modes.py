@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from taichi_ldem.output.figures.draw import write_figure
+
 if TYPE_CHECKING:
     from taichi_ldem.scenarios.modes import Mode
 
@@ -53,7 +55,7 @@ def plot_modes(
         "black: nodal lines; grey: the clamp's circles",
         fontsize=11,
     )
-    drawing.savefig(file, dpi=110)
+    write_figure(file, drawing, dpi=110)
     plt.close(drawing)
 
 

@@ -34,6 +34,7 @@ def plot_run(folder: RunFolder) -> list[Path]:
         SceneError: a file of the run cannot be read.
     """
     run = LoadedRun.read(folder)
+    folder.claim(SCENARIOS[run.scene.scenario].writes)
     written = []
     for name in SCENARIOS[run.scene.scenario].figures:
         if FIGURES[name].needs(run):

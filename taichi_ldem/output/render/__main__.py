@@ -53,7 +53,7 @@ class _Run:
         return fields
 
 
-def _draw_views(painter: Painter, run: _Run, step: int) -> None:
+def _draw_views(painter: Painter, run: _Run, step: int, into: Path) -> None:
     """The three standing views of a step."""
     fields = run.fields(step)
     size = np.ptp(fields.points, axis=0)
@@ -61,8 +61,7 @@ def _draw_views(painter: Painter, run: _Run, step: int) -> None:
         view = make(size)
         if run.scene.striker is None:
             view = replace(view, title=view.title.partition(" (")[0])  # no face is the struck one
-        picture = run.folder.path / view_name(fields.time, name)
-        _draw(painter, run, fields, view, damage_scale(), picture)
+        _draw(painter, run, fields, view, damage_scale(), into / view_name(fields.time, name))
 
 
 def _draw_shots(painter: Painter, run: _Run, steps: Sequence[int], shot: Shot, into: Path) -> None:
@@ -106,7 +105,7 @@ def main(arguments: Sequence[str]) -> int:
         _draw_shots(painter, run, [int(s) for s in steps], Shot(**json.loads(shot)), Path(into))
         return 0
     for step in steps:
-        _draw_views(painter, run, int(step))
+        _draw_views(painter, run, int(step), Path(into))
     return 0
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_ldem.output.render.views import HEIGHT, SIZE_PX, WIDTH
+from taichi_ldem.solver import backend
 
 FloatArray = NDArray[np.floating[Any]]
 
@@ -36,9 +37,9 @@ class Painter:
     """An invisible GGUI window that turns triangles into images."""
 
     def __init__(self) -> None:
+        backend.start_for_pictures()
         import taichi as ti
 
-        ti.init(arch=ti.cpu, log_level=ti.ERROR)
         _clear_texture_coordinates()
         self._ti = ti
         self._size = round(HEIGHT * SIZE_PX[1]), round(WIDTH * SIZE_PX[0])

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -26,8 +25,10 @@ from taichi_ldem.errors import SceneError
 from taichi_ldem.output.render.names import EXIT_NO_DEVICE, milliseconds, shot_name, view_name
 from taichi_ldem.output.render.views import VIEWS, Shot
 from taichi_ldem.scene import load_scene
+from taichi_ldem.storage.durable import write_whole
 from taichi_ldem.storage.fields import read_times
 from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.storage.place import current, unlink
 
 NO_DEVICE = (
     "no pictures: there is no Vulkan device; "
@@ -55,13 +56,20 @@ def render_run(folder: RunFolder, times: list[float] | None = None) -> list[Path
     """
     steps = _steps(folder, times)
     names = [view_name(time, view) for _, time in steps for view in VIEWS]
-    pictures = [folder.path / name for name in names]
-    for picture in pictures:
-        picture.unlink(missing_ok=True)
-    failure = _draw_in_child(folder, [number for number, _ in steps], len(pictures))
+    folder.claim(names)
+    for name in names:
+        unlink(folder.path / name)
+    with tempfile.TemporaryDirectory() as scratch:
+        into = Path(scratch)
+        failure = _draw_in_child(folder, [number for number, _ in steps], len(names), "", into)
+        if current(folder.path) != folder.path:  # who knows what has been drawn
+            failure, names = f"no pictures: '{folder.path}' was renamed meanwhile", []
+        drawn = [name for name in names if (into / name).is_file()]
+        for name in drawn:
+            write_whole(folder.path / name, (into / name).read_bytes())
     if failure:
         print(failure, file=sys.stderr)
-    return [picture for picture in pictures if picture.is_file()]
+    return [folder.path / name for name in drawn]
 
 
 def render_shot(
@@ -102,12 +110,15 @@ def render_shots_into(
     if times is None:
         stored = read_times(folder.fields_file)
         times = [*load_scene(folder.scene_file).output.image_times, *map(float, stored[-1:])]
-    written = []
     with tempfile.TemporaryDirectory() as scratch:
-        for time, picture in render_shot(folder, shot, Path(scratch), times):
-            written.append(folder.path / f"shot_{milliseconds(time)}ms_{shot.name}.png")
-            shutil.copyfile(picture, written[-1])
-    return written
+        drawn = {
+            f"shot_{milliseconds(time)}ms_{shot.name}.png": picture
+            for time, picture in render_shot(folder, shot, Path(scratch), times)
+        }
+        folder.claim(drawn)
+        for name, picture in drawn.items():
+            write_whole(folder.path / name, picture.read_bytes())
+    return [folder.path / name for name in drawn]
 
 
 def _steps(folder: RunFolder, times: Sequence[float] | None) -> list[tuple[int, float]]:
@@ -136,7 +147,7 @@ def _warn_of_other_times(stored: NDArray[np.float64], times: Sequence[float]) ->
 
 
 def _draw_in_child(
-    folder: RunFolder, steps: Sequence[int], count: int, shot: str = "", into: Path | None = None
+    folder: RunFolder, steps: Sequence[int], count: int, shot: str, into: Path
 ) -> str:
     """Draw in a child process. Returns one line on what went wrong, or nothing."""
     command = [
@@ -145,7 +156,7 @@ def _draw_in_child(
         "taichi_ldem.output.render",
         str(folder.path.resolve()),
         shot,
-        str((into or folder.path).resolve()),
+        str(into.resolve()),
         *map(str, steps),
     ]
     timeout = TIMEOUT_S + TIMEOUT_PER_PICTURE_S * count

@@ -42,7 +42,10 @@ def write_report(folder: Path, out: Path | None = None, *, pictures: int = PICTU
     """
     template()  # a missing package ends the command before the pictures are drawn
     run = LoadedRun.read(_open(folder), most_rows=_MOST_ROWS)
-    return write_page(run_page(run, pictures), folder / "report.html" if out is None else out)
+    if out is None:
+        out = folder / "report.html"
+        run.folder.claim([out.name])
+    return write_page(run_page(run, pictures), out)
 
 
 def _open(path: Path) -> RunFolder:

@@ -37,7 +37,8 @@ def write_page(page: Page, path: Path) -> Path:
         OSError: the file cannot be written.
     """
     text = template().render(page=page, plotly=_plotly() if page.figures else "")
-    write_whole(path, text.encode())
+    # the name of a folder may be no text
+    write_whole(path, text.encode(errors="backslashreplace"))
     return path
 
 

@@ -8,7 +8,6 @@ these runs are compared, with their 95 % confidence intervals.
 import csv
 import json
 import math
-import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,8 +18,11 @@ import numpy as np
 
 from taichi_ldem.analysis import signals
 from taichi_ldem.analysis.window import smoothing_window
+from taichi_ldem.errors import SceneError
+from taichi_ldem.scenarios.interrupts import run_child
 from taichi_ldem.scene import Scene
 from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.storage.place import refuse_moved
 from taichi_ldem.studies.convergence.plan import Point
 from taichi_ldem.studies.convergence.records import Study
 from taichi_ldem.studies.convergence.run import SEED_REACH
@@ -103,7 +105,9 @@ def _record(study: Study, point: Point, seed: int, place: tuple[float, float]) -
         words = [word for text in settings for word in ("--set", text)]
         command = [sys.executable, "-m", "taichi_ldem.cli", "impact", str(study.file)]
         command += ["--out", str(folder), "--force", "--quiet", *words]
-        subprocess.run(command, check=True)
+        if code := run_child(command):
+            raise SceneError(f"{folder.name}: its run ended with exit code {code}")
+        refuse_moved(study.out)
     return read(folder, study.scene)
 
 

@@ -1,7 +1,6 @@
 """Records of a scene's runs, and their errors against the reference."""
 
 import json
-import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,8 +10,11 @@ from typing import Any
 import numpy as np
 
 from taichi_ldem.errors import SceneError
+from taichi_ldem.scenarios.interrupts import run_child
 from taichi_ldem.scenarios.wave import delay
 from taichi_ldem.scene import Scene
+from taichi_ldem.storage.durable import write_whole
+from taichi_ldem.storage.place import refuse_moved
 from taichi_ldem.storage.provenance import scene_hash
 from taichi_ldem.studies.convergence.plan import FINE_STEP, SHARES, SINGLE, STEPS, Plan, Point
 from taichi_ldem.studies.convergence.run import VIBRATION, WAVE
@@ -62,17 +64,33 @@ class Study:
     def claim(self, force: bool) -> None:
         """Reserve the folder for this scene.
 
+        Args:
+            force: remove the records that the study of another scene lists as its own.
+
         Raises:
-            SceneError: the folder holds the runs of another scene.
+            SceneError: the folder holds the runs of another scene, or records that none lists.
         """
         self.out.mkdir(parents=True, exist_ok=True)
         mark, own = self.out / "scene_sha256", scene_hash(self.scene)
-        if mark.exists() and mark.read_text(encoding="utf-8") != own:
+        listed = mark.read_text(encoding="utf-8").splitlines() if mark.exists() else [own]
+        if listed[:1] != [own]:
             if not force:
                 raise SceneError(f"'{self.out}' holds a study of another scene; --force removes it")
-            for file in [*self.out.glob("*.json"), *self.out.glob("mode_*.npz")]:
-                file.unlink()
-        mark.write_text(own, encoding="utf-8")
+            for name in listed[1:]:
+                (self.out / Path(name).name).unlink(missing_ok=True)
+            listed = [own]
+            others = [*self.out.glob("*.json"), *self.out.glob("mode_*.npz")]
+            if others:
+                raise SceneError(f"'{others[0]}' is no record of this study; move it")
+        self._list(listed)
+
+    def _list(self, lines: Sequence[str]) -> None:
+        write_whole(self.out / "scene_sha256", "\n".join(lines).encode())
+
+    def _own(self, *files: Path) -> None:
+        """List files as this study's own, before they are written."""
+        lines = (self.out / "scene_sha256").read_text(encoding="utf-8").splitlines()
+        self._list(list(dict.fromkeys([*lines, *(file.name for file in files)])))
 
     def points(self) -> list[Point]:
         """All runs against the reference."""
@@ -118,10 +136,13 @@ class Study:
         file = self.out / f"{name}.json"
         if not file.exists():
             print(name, flush=True)
+            self._own(file, *(Path(word) for word in more if word.endswith(".npz")))
             arguments = [word for text in settings for word in ("--set", text)]
             module = "taichi_ldem.studies.convergence.run"
             command = [sys.executable, "-m", module, str(self.file), str(file), *arguments, *more]
-            subprocess.run(command, check=True)
+            if code := run_child(command):
+                raise SceneError(f"{name}: its run ended with exit code {code}")
+            refuse_moved(self.out)
         found: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
         return found
 

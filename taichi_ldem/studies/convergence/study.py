@@ -17,6 +17,7 @@ from pathlib import Path
 
 from taichi_ldem.errors import SceneError
 from taichi_ldem.scene import load_scene
+from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.studies.convergence import cracking
 from taichi_ldem.studies.convergence.figure import figure
 from taichi_ldem.studies.convergence.plan import PLANS
@@ -51,14 +52,18 @@ def run(
     if what == VIBRATION and scene.held and importlib.util.find_spec("skfem") is None:
         raise SceneError("a clamped plate is compared with finite elements: install scikit-fem")
     study = Study(scene_file, scene, what, out, PLANS[what], modules, reference)
-    study.claim(force)
-    if what == CRACKING:
-        return cracking.run(study, seeds)
+    with RunFolder.held(out):
+        study.claim(force)
+        return cracking.run(study, seeds) if what == CRACKING else _against_reference(study)
+
+
+def _against_reference(study: Study) -> int:
+    """Run what is missing and report it."""
     study.run_all()
     rows = study.rows()
-    write_csv(rows, out / "convergence.csv")
+    write_csv(rows, study.out / "convergence.csv")
     text = report(study, rows)
-    (out / "convergence.md").write_text(text, encoding="utf-8")
-    figure(study, rows, out / "convergence.png")
+    (study.out / "convergence.md").write_text(text, encoding="utf-8")
+    figure(study, rows, study.out / "convergence.png")
     print(text)
     return 0

@@ -15,6 +15,7 @@ from taichi_ldem.ensemble.plan import (
     write_plan,
 )
 from taichi_ldem.ensemble.report import report
+from taichi_ldem.output.figures import draw
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +40,11 @@ def finished(tmp_path_factory) -> Path:
 def figures(monkeypatch) -> dict[str, Figure]:
     """The figures by file name, caught instead of being drawn."""
     caught: dict[str, Figure] = {}
-    monkeypatch.setattr(Figure, "savefig", lambda self, path, **_: caught.update({path.name: self}))
+
+    def catch(file: Path, figure: Figure, **_: object) -> None:
+        caught[file.name] = figure
+
+    monkeypatch.setattr(draw, "write_figure", catch)
     return caught
 
 

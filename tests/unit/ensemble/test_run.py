@@ -2,6 +2,8 @@
 
 import subprocess
 import sys
+import threading
+import time
 
 import pytest
 from support.members import SCENE, states
@@ -41,6 +43,25 @@ def test_an_ensemble_that_cannot_write_its_table_ends_its_children(plan, tmp_pat
         with pytest.raises(OSError, match="No space left"):
             run(plan, out, How(local=3), commands=asked)
     assert {states(out, name)[0] for name in ("velocity2", "velocity3")} == {"stopped"}
+
+
+def test_an_ensemble_whose_folder_is_renamed_ends_and_spares_its_successor(plan, tmp_path, fake):
+    out, moved = tmp_path / "out", tmp_path / "moved"
+
+    def rename() -> None:
+        while not list(out.glob(f"{MEMBERS}/*/runs")):
+            time.sleep(0.01)
+        out.rename(moved)
+        out.mkdir()
+
+    renaming = threading.Thread(target=rename)
+    renaming.start()
+    asked = fake(**{name: ["hang"] for name in ("velocity2", "velocity2.5", "velocity3")})
+    with pytest.raises(OSError, match="was renamed or replaced; what was under way in it is ended"):
+        run(plan, out, How(local=1), commands=asked)
+    renaming.join()
+    assert list(out.iterdir()) == []
+    assert len(list(moved.glob(f"{MEMBERS}/*/runs"))) == 1
 
 
 @pytest.mark.slow

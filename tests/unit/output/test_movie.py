@@ -10,7 +10,7 @@ from support.synthetic import synthetic_run
 
 from taichi_ldem.cli import main
 from taichi_ldem.errors import SceneError
-from taichi_ldem.output.movie import _palette, _write_gif, check
+from taichi_ldem.output.movie import _palette, _write_gif, _write_mp4, check
 from taichi_ldem.solver.backend import vulkan_device
 from taichi_ldem.storage.folder import RunFolder
 
@@ -64,6 +64,15 @@ def test_a_movie_has_a_picture_a_stored_step(
     drawn = (at_rest < 230).all(axis=2).mean()
     assert 0.05 < drawn < 0.5
     assert np.abs(moving - at_rest).max(axis=2).mean() > 5
+
+
+def test_a_movie_goes_into_a_folder_with_a_colon_in_its_name(tmp_path: Path) -> None:
+    """The encoder took `run:1/...` for the name of a protocol."""
+    folder, picture = tmp_path / "run:1", tmp_path / "a.png"
+    folder.mkdir()
+    Image.new("RGB", (64, 48)).save(picture)
+    _write_mp4(folder / "a.mp4", [picture], 2.0, 64)
+    assert (folder / "a.mp4").read_bytes()[4:8] == b"ftyp"
 
 
 def test_a_gif_repeats_and_holds_its_last_picture(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from taichi_ldem.reproduction import runs
 from taichi_ldem.reproduction.items import ITEMS
 from taichi_ldem.reproduction.runs import NEEDS, Need, conduct
 from taichi_ldem.scene import load_scene
+from taichi_ldem.storage.folder import RunFolder
 
 
 def test_every_item_s_runs_are_known_and_their_commands_parse() -> None:
@@ -71,3 +72,20 @@ def test_an_ensemble_that_was_cut_off_is_not_whole(tmp_path: Path) -> None:
     for finished, whole in ((2, False), (13, True)):
         (folder / "ensemble.json").write_text(json.dumps({"finished": finished, "members": 13}))
         assert runs._is_whole(NEEDS["ensemble"], folder) is whole
+
+
+def test_a_folder_that_is_renamed_gets_no_further_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They would go into a folder that has taken its place."""
+    out, moved = tmp_path / "paper", tmp_path / "moved"
+
+    def rename(*_: object, **__: object) -> int:
+        out.rename(moved)
+        out.mkdir()
+        return 0
+
+    monkeypatch.setattr(runs, "run_child", rename)
+    with RunFolder.held(out), pytest.raises(OSError, match="was renamed or replaced"):
+        conduct(["impact", "tension"], out, quick=False, resume=False, tell=lambda _: None)
+    assert list(out.iterdir()) == []

@@ -25,6 +25,45 @@ def test_a_lock_that_a_killed_process_left_is_removed(tmp_path: Path) -> None:
     assert [lock.exists() for lock in (old, new, other)] == [False, True, True]
 
 
+def test_taichi_gets_a_home_and_nothing_that_overrules_the_scene(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Without HOME, and with TI_ARCH = nonsense, Taichi ends the process (exit code 134)."""
+    monkeypatch.delenv("HOME")
+    monkeypatch.setenv("TI_ARCH", "nonsense")
+    with backend._environment():
+        assert Path(os.environ["HOME"]).is_dir()
+        assert "TI_ARCH" not in os.environ
+    assert "HOME" not in os.environ
+    assert os.environ["TI_ARCH"] == "nonsense"
+
+
+def test_a_user_without_a_home_gets_a_folder_for_temporary_files(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def nameless() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "home", nameless)
+    assert Path(backend._home()).is_dir()
+
+
+def test_a_home_that_cannot_be_written_leaves_a_cache_that_can(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """With a cache that it cannot write, Taichi ends with a fault when all has been done."""
+    monkeypatch.setattr(backend.tempfile, "gettempdir", lambda: str(tmp_path))
+    (tmp_path / "file").touch()
+    wanted = tmp_path / "file" / "ticache"
+    cache = backend._cache_folder(wanted)
+    assert cache.parent == tmp_path
+    assert cache.stat().st_mode & 0o077 == 0
+    assert backend._cache_folder(tmp_path / "new" / "ticache").is_dir()
+    monkeypatch.setattr(backend, "_writable", lambda folder: False)
+    with pytest.raises(SceneError, match="set TI_OFFLINE_CACHE_FILE_PATH"):
+        backend._cache_folder(wanted)
+
+
 @pytest.mark.parametrize(
     ("devices", "word"), [([], "no Vulkan device"), ([False], "this device has no f64")]
 )

@@ -7,7 +7,9 @@ import pytest
 from support.blocks import DAMAGE, block_scene
 from support.paths import ROOT
 
+from taichi_ldem.api import Simulation
 from taichi_ldem.errors import SceneError
+from taichi_ldem.scenarios.describe import describe
 from taichi_ldem.scene import DISORDERED
 from taichi_ldem.solver import memory
 from taichi_ldem.solver.fields import rows
@@ -82,6 +84,45 @@ def test_too_large_a_lattice_is_named_with_the_bytes(monkeypatch: pytest.MonkeyP
         memory.refuse_too_large(scene)
     monkeypatch.setattr(memory, "available_bytes", lambda: None)
     memory.refuse_too_large(scene)
+
+
+@pytest.mark.parametrize(
+    ("layers", "precision", "share", "remedy"),
+    [
+        (10, "f64", 0.5, "take fewer modules (about 7)"),
+        (10, "f32", 0.99, "take fewer modules (about 9)"),
+        (10, "f64", 0.99, 'take fewer modules (about 9) or solver.precision = "f32"'),
+        (1, "f32", 0.5, "take a smaller plate"),
+    ],
+)
+def test_what_is_proposed_for_too_large_a_lattice_helps(
+    monkeypatch: pytest.MonkeyPatch, layers: int, precision: str, share: float, remedy: str
+) -> None:
+    """f32 was proposed to scenes in f32, and a single layer to scenes of a single layer."""
+    scene = block_scene(300, 300, layers, solver={"precision": precision})
+    free = int(memory.BASE + share * (memory.needed_bytes(scene) - memory.BASE))
+    monkeypatch.setattr(memory, "available_bytes", lambda: free)
+    with pytest.raises(SceneError) as error:
+        memory.refuse_too_large(scene)
+    assert str(error.value).endswith(remedy)
+
+
+def test_a_limit_of_addresses_below_taichi_s_pool_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Taichi gave a traceback about `host_memory_pool` after the set-up."""
+    monkeypatch.setattr(memory, "addresses_left", lambda: 10**9)
+    with pytest.raises(SceneError, match=r"leaves 1,000,000,000 bytes .* raise it \(ulimit -v\)"):
+        memory.refuse_too_large(block_scene(4, 4, 1))
+    monkeypatch.setattr(memory, "addresses_left", lambda: 2 * 10**9)
+    memory.refuse_too_large(block_scene(4, 4, 1))
+
+
+def test_info_refuses_a_plate_that_is_too_large(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It ended in a MemoryError with a traceback."""
+    monkeypatch.setattr(memory, "available_bytes", lambda: 10**6)
+    with pytest.raises(SceneError, match="bytes of memory"):
+        describe(block_scene(4, 4, 2))
+    with pytest.raises(SceneError, match="bytes of memory"):
+        Simulation(block_scene(4, 4, 2))
 
 
 def test_vulkan_reaches_four_gib(monkeypatch: pytest.MonkeyPatch) -> None:

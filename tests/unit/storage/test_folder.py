@@ -8,7 +8,7 @@ import pytest
 from support.refusals import one_line
 
 from taichi_ldem.errors import SceneError
-from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.storage.folder import OF_EVERY_RUN, RunFolder
 
 
 def test_a_new_folder_is_made_with_its_parents(tmp_path):
@@ -30,16 +30,99 @@ def test_a_folder_with_anything_in_it_is_refused_and_left_alone(tmp_path):
     assert (tmp_path / "history.csv").read_text() == "old\n"
 
 
-def test_force_removes_what_a_run_writes_and_nothing_else(tmp_path):
-    own = ["scene.toml", "history.csv", "fields.vtkhdf", "summary.json", "force.png"]
-    own += ["crack_map.png", "crack_7.5ms_below.png", "shot_1.4ms.png"]
-    own += ["shot_1.4ms_above_x0.png", "shot_2ms_cut_az25_el-35_z1e-05_energy.png"]
-    foreign = ["shot_1.4ms_mine.png", "notes.md", "photo.png", "crack_photo.png", "scene.toml.bak"]
+def test_force_removes_what_the_run_s_record_lists_and_nothing_else(tmp_path):
+    folder = RunFolder.create(tmp_path, force=True, files=["force.png"])
+    folder.claim(["crack_7.5ms_below.png", "shot_1.4ms.png", "movie.mp4"])
+    own = ["scene.toml", "history.csv", "fields.vtkhdf", "summary.json", "force.png", "movie.mp4"]
+    own += ["crack_7.5ms_below.png", "shot_1.4ms.png", "checkpoint.h5.tmp", "run.json.tmp"]
+    foreign = ["shot_2ms.png", "notes.md", "crack_photo.png", "scene.toml.bak", "report.html"]
+    foreign += ["movie.gif", "probes.csv"]
     for name in (*own, *foreign):
         (tmp_path / name).write_text("x")
     (tmp_path / "sub").mkdir()
-    RunFolder.create(tmp_path, force=True)
-    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([*foreign, "sub"])
+    RunFolder.create(tmp_path, force=True, files=["force.png"])
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([*foreign, "sub", "run.json"])
+
+
+@pytest.mark.parametrize(
+    "name", ["scene.toml", "history.csv", "probes.csv", "crack_7.5ms_below.png", "run.json"]
+)
+@pytest.mark.parametrize("begun", [False, True])
+def test_force_refuses_files_that_no_run_has_written(tmp_path, name, begun):
+    """Also those that only the end of the new run would replace."""
+    if begun and name in OF_EVERY_RUN:
+        pytest.skip("a run's record lists it")
+    if begun:
+        RunFolder.create(tmp_path, force=False)
+    (tmp_path / name).write_text("precious")
+    for refused in (RunFolder.check, RunFolder.create):
+        with pytest.raises(SceneError) as error:
+            refused(tmp_path, force=True, files=["probes.csv"])
+        assert f"lists '{name}'" in one_line(error)
+    assert (tmp_path / name).read_text() == "precious"
+
+
+@pytest.mark.parametrize(
+    "record",
+    [
+        '{"processes": [{"version": "0.1.0"}]}',
+        '{"processes": [], "files": ["../precious"]}',
+        '{"processes": [], "files": 3}',
+        "[" * 100_000,
+    ],
+)
+def test_a_record_without_a_list_or_with_a_bad_one_gives_nothing_away(tmp_path, record):
+    """An earlier version kept no list; a list may come from anywhere."""
+    (tmp_path / "precious").write_text("precious")
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "run.json").write_text(record)
+    (tmp_path / "run" / "scene.toml").write_text("precious")
+    with pytest.raises(SceneError):
+        RunFolder.create(tmp_path / "run", force=True)
+    assert (tmp_path / "precious").read_text() == "precious"
+    assert (tmp_path / "run" / "scene.toml").read_text() == "precious"
+
+
+@pytest.mark.parametrize("link", [False, True])
+def test_the_scene_that_is_run_is_never_replaced(tmp_path, link):
+    RunFolder.create(tmp_path / "run", force=False)
+    scene = tmp_path / "run" / "scene.toml"
+    scene.write_text("# the user's comments")
+    source = tmp_path / "link.toml" if link else scene
+    if link:
+        source.symlink_to(scene)
+    with pytest.raises(SceneError) as error:
+        RunFolder.check(tmp_path / "run", force=True, source=source)
+    assert f"holds the scene '{source}' itself" in one_line(error)
+    RunFolder.check(tmp_path / "run", force=True, source=tmp_path / "other.toml")
+
+
+def test_a_picture_of_somebody_else_is_not_drawn_over(tmp_path):
+    folder = RunFolder.create(tmp_path, force=False)
+    (tmp_path / "movie.mp4").write_text("precious")
+    with pytest.raises(SceneError) as error:
+        folder.claim(["movie.mp4"])
+    assert "movie.mp4' is not this run's" in one_line(error)
+    folder.claim(["movie.gif"])
+    (tmp_path / "movie.gif").touch()
+    folder.claim(["movie.gif"])
+
+
+def test_a_record_keeps_its_list_when_a_process_is_added(tmp_path):
+    folder = RunFolder.create(tmp_path, force=False)
+    folder.claim(["report.html"])
+    folder.write_provenance({"version": "0.1.0"})
+    assert "report.html" in folder.own_files()
+    assert folder.processes() == [{"version": "0.1.0"}]
+
+
+def test_a_link_to_nothing_is_refused_before_the_set_up(tmp_path):
+    link = tmp_path / "link"
+    link.symlink_to(tmp_path / "nowhere")
+    for path in (link, link / "run"):
+        with pytest.raises(SceneError) as error:
+            RunFolder.check(path, force=True)
+        assert f"'{link}' is a link to nothing" in one_line(error)
 
 
 @pytest.mark.parametrize("force", [False, True])
@@ -79,7 +162,7 @@ def test_summary_is_valid_json_without_nan(tmp_path):
     expected = {"a": 0.5, "b": 7, "c": None, "d": [None, 1.5], "e": {"f": None}, "g": None}
     assert folder.read_summary() == {**expected, "h": True}
     json.loads(folder.summary_file.read_text(), parse_constant=pytest.fail)
-    assert [p.name for p in folder.path.iterdir()] == ["summary.json"]
+    assert sorted(p.name for p in folder.path.iterdir()) == ["run.json", "summary.json"]
 
 
 def test_a_summary_that_cannot_be_written_leaves_the_old_one(tmp_path):

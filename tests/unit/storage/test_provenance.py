@@ -1,12 +1,17 @@
 """What identifies a scene and a run."""
 
+import os
 import re
+import sys
+from pathlib import Path
 
 import pytest
 from support.scenes import GOOD
 
 from taichi_ldem.scene import parse_scene_text
 from taichi_ldem.storage import provenance as pv
+from taichi_ldem.storage.durable import created
+from taichi_ldem.storage.folder import RunFolder
 
 SCENE = parse_scene_text(GOOD, "x")
 
@@ -57,3 +62,17 @@ def test_what_bits_depend_on_is_compared() -> None:
     assert pv.changed_machine(other, now) == "CPU two, now one; taichi 1.7.3, now 1.7.4"
     assert pv.changed_machine(None, now) is None
     assert pv.changed_machine({"cpu": "one", "packages": 3}, now) == "taichi unknown, now 1.7.4"
+
+
+def test_a_path_that_is_no_text_can_be_recorded(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """It gave a traceback after the set-up, and a folder that needed --force."""
+    run = tmp_path / os.fsdecode(b"caf\xe9")
+    monkeypatch.setattr(sys, "argv", ["ldem", "impact", "--out", str(run)])
+    with RunFolder.held(run):
+        folder = RunFolder.create(run, force=False)
+        folder.write_provenance(pv.provenance(SCENE))
+        with created(folder.fields_file) as file:
+            file.attrs["command"] = pv.provenance(SCENE)["command"]
+    assert RunFolder(run).processes()[0]["command"].endswith("caf\\udce9'")

@@ -1,7 +1,6 @@
 """The series over notches: its specimens, what it runs again, and the slope it finds."""
 
 import json
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -41,11 +40,11 @@ def ran(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
     """Commands that would have been run; each is taken to fail with exit code 3."""
     commands: list[list[str]] = []
 
-    def record(command: list[str], **_: object) -> subprocess.CompletedProcess[str]:
+    def record(command: list[str], **_: object) -> int:
         commands.append(command)
-        return subprocess.CompletedProcess(command, 3)
+        return 3
 
-    monkeypatch.setattr(subprocess, "run", record)
+    monkeypatch.setattr(bending, "run_child", record)
     return commands
 
 

@@ -181,12 +181,17 @@ def test_another_scene_s_runs_are_not_taken(tmp_path: Path) -> None:
         records.Study(Path(), scene, IMPACT, tmp_path, plans.PLANS[IMPACT]) for scene in scenes
     )
     first.claim(False)
+    first._own(tmp_path / "2_modules.json")
     (tmp_path / "2_modules.json").write_text("{}")
     first.claim(False)
     with pytest.raises(SceneError, match="another scene"):
         second.claim(False)
+    (tmp_path / "mine.json").write_text("precious")
+    with pytest.raises(SceneError, match=r"mine.json' is no record of this study"):
+        second.claim(True)
+    assert [file.name for file in tmp_path.glob("*.json")] == ["mine.json"]
+    (tmp_path / "mine.json").unlink()
     second.claim(True)
-    assert not list(tmp_path.glob("*.json"))
 
 
 def test_confidence_intervals_are_student_s() -> None:

@@ -1,11 +1,14 @@
 """Figures: what they show, and that they show only what a run has."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 from support.synthetic import COLUMNS, synthetic_run
 
+from taichi_ldem.output.figures import draw
 from taichi_ldem.output.figures.run import plot_run
 from taichi_ldem.storage.fields import FieldWriter, hexahedral_mesh
 from taichi_ldem.storage.folder import RunFolder
@@ -29,7 +32,11 @@ def run(tmp_path) -> RunFolder:
 def figures(monkeypatch) -> dict[str, Figure]:
     """The figures by file name, caught instead of being drawn."""
     caught: dict[str, Figure] = {}
-    monkeypatch.setattr(Figure, "savefig", lambda self, path, **_: caught.update({path.name: self}))
+
+    def catch(file: Path, figure: Figure, **_: object) -> None:
+        caught[file.name] = figure
+
+    monkeypatch.setattr(draw, "write_figure", catch)
     return caught
 
 

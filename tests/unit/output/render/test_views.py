@@ -6,7 +6,6 @@ from support.modules import displaced
 
 from taichi_ldem.errors import SceneError
 from taichi_ldem.output.render.views import VIEWS, Shot, parse_section, view_of
-from taichi_ldem.storage.folder import _OWN_FILES
 
 
 @pytest.mark.parametrize(
@@ -51,4 +50,3 @@ def test_pictures_of_other_shots_have_other_names():
     ]
     names = [shot.name for shot in shots]
     assert names == ["above", "above_x0", "above_x0.002", "below_az25_el-35", "below_energy"]
-    assert all(_OWN_FILES.fullmatch(f"shot_1.4ms_{name}.png") for name in names)

@@ -1,6 +1,6 @@
 """Replaces itself by another program that ends when its parent does (Linux).
 
-``python -m taichi_ldem.ensemble.child PARENT WORD...``: when the thread that started this process
+``python -m taichi_ldem.scenarios.child PARENT WORD...``: when the thread that started this process
 ends, for whatever reason, the kernel sends SIGTERM, on which a run writes a checkpoint and ends.
 The setting survives ``exec``. On other systems the program is only started.
 """
@@ -9,8 +9,14 @@ import ctypes
 import os
 import signal
 import sys
+from collections.abc import Sequence
 
 PR_SET_PDEATHSIG = 1
+
+
+def tied(command: Sequence[str]) -> list[str]:
+    """A command that ends when this thread does."""
+    return [sys.executable, "-m", "taichi_ldem.scenarios.child", str(os.getpid()), *command]
 
 
 def die_with(parent: int) -> None:
