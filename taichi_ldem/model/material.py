@@ -15,6 +15,7 @@ from taichi_ldem.scene.equations import (
     failure_strain,
     fracture_areas,
     phi,
+    volumetric_modulus,
 )
 
 __all__ = [
@@ -33,6 +34,7 @@ __all__ = [
     "failure_strain",
     "fracture_areas",
     "phi",
+    "volumetric_modulus",
 ]
 
 

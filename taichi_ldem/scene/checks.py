@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from taichi_ldem.errors import SceneError
-from taichi_ldem.scene.equations import FAMILY_NAMES, Bars, bar_families
+from taichi_ldem.scene.equations import FAMILY_NAMES, QUARTER, Bars, bar_families
 from taichi_ldem.scene.values import refuse
 from taichi_ldem.scene.weibull import strength_by_volume
 
@@ -236,15 +236,20 @@ def _rounded_up(strain: float) -> str:
 
 
 def _check_lattice(scene: Scene) -> None:
-    if scene.plate.lattice == "module":
+    plate, material = scene.plate, scene.material
+    if plate.stiffness == "volumetric" and material.damage:
+        raise refuse("plate.stiffness", plate.stiffness, "needs material.damage = false")
+    if plate.lattice == "module":
         return
-    for key, value, needed in (
-        ("material.poisson_ratio", scene.material.poisson_ratio, 0.25),
-        ("material.fracture_areas", scene.material.fracture_areas, "derived"),
-        ("plate.stiffness", scene.plate.stiffness, "equation-2"),
+    if plate.stiffness != "volumetric" and material.poisson_ratio != QUARTER:
+        why = 'must be 0.25 with plate.lattice = "cubic-26", or plate.stiffness = "volumetric"'
+        raise refuse("material.poisson_ratio", material.poisson_ratio, why)
+    for key, value, other in (
+        ("material.fracture_areas", material.fracture_areas, "paper"),
+        ("plate.stiffness", plate.stiffness, "as-printed"),
     ):
-        if value != needed:
-            raise refuse(key, value, f'must be {needed!r} with plate.lattice = "cubic-26"')
+        if value == other:
+            raise refuse(key, value, 'is for plate.lattice = "module" only')
 
 
 def _check_disorder(scene: Scene) -> None:

@@ -44,9 +44,12 @@ def axial_stiffness(
     """Axial stiffness EA of longitudinal and diagonal bars, N: Eqs. (1), (2).
 
     Args:
-        variant: "equation-2", or "as-printed": the EA_d that the paper prints (195.10 N for EA_l =
-            375.47 N), in which phi was counted twice.
+        variant: "equation-2"; "as-printed": the EA_d that the paper prints (195.10 N for EA_l =
+            375.47 N), in which phi was counted twice; "volumetric": bars of the isotropic solid
+            with nu = 1/4 and the material's shear modulus (``volumetric_modulus``).
     """
+    if variant == "volumetric":
+        youngs_modulus, poisson_ratio = bars_modulus(youngs_modulus, poisson_ratio), QUARTER
     longitudinal = phi(poisson_ratio) * youngs_modulus * spacing**2
     diagonal = 2 / math.sqrt(3) * delta(poisson_ratio) * longitudinal
     if variant == "as-printed":
@@ -54,17 +57,40 @@ def axial_stiffness(
     return longitudinal, diagonal
 
 
+QUARTER = 0.25
+"""Poisson's ratio of a solid whose bars alone make it isotropic: lambda = mu."""
+
+
+def bars_modulus(youngs_modulus: float, poisson_ratio: float) -> float:
+    """Young's modulus of the solid with nu = 1/4 and the same shear modulus, Pa."""
+    return youngs_modulus * (1 + QUARTER) / (1 + poisson_ratio)
+
+
+def volumetric_modulus(youngs_modulus: float, poisson_ratio: float) -> float:
+    """lambda - mu, Pa: what bars alone do not give; less than zero below nu = 1/4.
+
+    A module then has the energy (lambda - mu) (J - 1)^2 L^3 / 2, with J the ratio of its volume to
+    that at rest, so the lattice is the isotropic solid for any Poisson's ratio.
+    """
+    shear = youngs_modulus / (2 * (1 + poisson_ratio))
+    return shear * (4 * poisson_ratio - 1) / (1 - 2 * poisson_ratio)
+
+
 def elastic_constants(
     youngs_modulus: float, poisson_ratio: float, variant: str = "equation-2"
 ) -> tuple[float, float, float]:
     """C11, C12, C44 that the lattice really has, Pa (exactly isotropic for nu = 0.25 with Eq. (2)).
 
-    The lattice cubic-26, which is for nu = 0.25 only, has those of the isotropic solid, too.
+    With ``volumetric``, and in the lattice cubic-26, they are those of the isotropic solid.
 
     Per volume L^3 the lattice holds six longitudinal bars (two along each axis) and eight
     diagonals: C11 = 2 EA_l/L^2 + (8/9) (sqrt(3)/2) EA_d/L^2 and C12 = C44 = (8/9) (sqrt(3)/2)
     EA_d/L^2.
     """
+    if variant == "volumetric":
+        mu = youngs_modulus / (2 * (1 + poisson_ratio))
+        lame = mu + volumetric_modulus(youngs_modulus, poisson_ratio)
+        return lame + 2 * mu, lame, mu
     longitudinal, diagonal = axial_stiffness(youngs_modulus, poisson_ratio, 1.0, variant)
     shear = 8 / 9 * DIAGONAL_LENGTH * diagonal
     return 2 * longitudinal + shear, shear, shear
@@ -204,16 +230,19 @@ def bar_families(
         strengthening: mean eps_p of bars over the scene's.
         lattice: name of its unit cell.
     """
-    nu, shares = material.poisson_ratio, CUBIC_26_AREAS
+    nu, shares, modulus = material.poisson_ratio, CUBIC_26_AREAS, material.youngs_modulus
+    if stiffness_variant == "volumetric":
+        modulus, nu = bars_modulus(modulus, nu), QUARTER
+        stiffness_variant = "equation-2"
     if lattice == "cubic-26":
         lengths = tuple(math.sqrt(n) * spacing for n in (1, 2, 3))
         stiffness = tuple(
-            k * material.youngs_modulus * spacing * length
+            k * modulus * spacing * length
             for k, length in zip(CUBIC_26_STIFFNESSES, lengths, strict=True)
         )
     else:
         lengths = (spacing, DIAGONAL_LENGTH * spacing)
-        stiffness = axial_stiffness(material.youngs_modulus, nu, spacing, stiffness_variant)
+        stiffness = axial_stiffness(modulus, nu, spacing, stiffness_variant)
         shares = fracture_areas(nu, material.fracture_areas)
     if not material.damage:
         return Bars(BarFamily(ln, ea) for ln, ea in zip(lengths, stiffness, strict=True))

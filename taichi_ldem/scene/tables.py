@@ -91,9 +91,11 @@ class Plate(Table):
         description="whether bars on faces and edges of the prism carry 1/2 and 1/4 of a whole bar;"
         " false: they are full bars",
     )
-    stiffness: Literal["equation-2", "as-printed"] = Field(
+    stiffness: Literal["equation-2", "as-printed", "volumetric"] = Field(
         default="equation-2",
-        description="stiffness of diagonal bars: 1.299 EA_l by Eq. (2), or the printed 0.5196 EA_l",
+        description="stiffness of diagonal bars: 1.299 EA_l by Eq. (2), or the printed 0.5196 EA_l;"
+        " 'volumetric' gives modules an energy of their volume as well, so that the lattice is"
+        " isotropic for any poisson_ratio, with damage = false",
     )
 
     perturbation: Annotated[Real, Field(ge=0, le=LARGEST_PERTURBATION)] = Field(

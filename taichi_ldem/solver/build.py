@@ -10,7 +10,7 @@ from taichi_ldem.errors import SceneError
 from taichi_ldem.model import disorder
 from taichi_ldem.model.cell import CELLS
 from taichi_ldem.model.lattice import Lattice, cut_out, disc, dumbbell_half_width, prism
-from taichi_ldem.model.material import check
+from taichi_ldem.model.material import check, volumetric_modulus
 from taichi_ldem.scene import Plate, Scene
 from taichi_ldem.solver.dynamics import Dynamics, Features
 
@@ -80,6 +80,13 @@ def _fill(dynamics: Dynamics, scene: Scene, drawn: disorder.Drawn) -> Drawn:
     return drawn.statistics(dynamics.lattice)
 
 
+def _volumetric(scene: Scene) -> float:
+    """lambda - mu of a scene whose modules have an energy of their volume, Pa; 0 otherwise."""
+    if scene.plate.stiffness != "volumetric":
+        return 0.0
+    return volumetric_modulus(scene.material.youngs_modulus, scene.material.poisson_ratio)
+
+
 def build_dynamics(scene: Scene, in_strips: bool | None = None) -> tuple[Dynamics, Drawn]:
     """The lattice's fields and kernels, filled with the material of a scene.
 
@@ -96,6 +103,7 @@ def build_dynamics(scene: Scene, in_strips: bool | None = None) -> tuple[Dynamic
     drawn = disorder.draw(scene, lattice)
     features = Features.of(scene)
     dynamics = Dynamics(lattice, bars, scene.material.density, features, in_strips)
+    dynamics.volumetric = _volumetric(scene)
     return dynamics, _fill(dynamics, scene, drawn)
 
 
@@ -130,4 +138,5 @@ def refill_dynamics(dynamics: Dynamics, scene: Scene, lattice: Lattice | None = 
     dynamics.clear_history()
     dynamics.set_bars(bars)
     dynamics.set_density(scene.material.density)
+    dynamics.volumetric = _volumetric(scene)
     return _fill(dynamics, scene, drawn)

@@ -20,6 +20,7 @@ from taichi_ldem.solver.nodes import NodeAccess, NodeUpdate
 from taichi_ldem.solver.state import State, field_apart, field_bytes, numpy_float
 from taichi_ldem.solver.step import Step
 from taichi_ldem.solver.tips import CrackTips
+from taichi_ldem.solver.volume import ModuleVolumes
 
 __all__ = ["CENTRE", "CORNER", "Dynamics", "Features", "field_apart", "field_bytes", "numpy_float"]
 
@@ -30,6 +31,7 @@ class Dynamics(State):
 
     Attributes:
         bars: forces, strains and damage of bars, for kernels.
+        volumes: forces and energy of the modules' volumes, for kernels.
         nodes: forces on nodes and their integration, for kernels.
         access: single nodes, for kernels.
         driver: the step.
@@ -55,7 +57,8 @@ class Dynamics(State):
         self.set_bars(bars)
         self.set_density(density)
         self.bars = BarForces(self)
-        self.nodes = NodeUpdate(self)
+        self.volumes = ModuleVolumes(self)
+        self.nodes = NodeUpdate(self, self.volumes)
         self.access = NodeAccess(self)
         self.tips = CrackTips(self, self.bars, self.access)
         self.driver = Step(self, self.bars, self.nodes, self.tips)

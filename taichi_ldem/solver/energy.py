@@ -93,6 +93,7 @@ class EnergySums:
 
     def __init__(self, dynamics: Dynamics):
         self.state, self.bars, self.driver = dynamics, dynamics.bars, dynamics.driver
+        self.volumes = dynamics.volumes
         nz, ny, _ = dynamics.sites
         self.rows = field_apart(ti.f64, nz * ny * dynamics.layout.pieces, 3)
         rows = max(part.shape[0] for part in (self.rows, dynamics.node_sums))
@@ -127,11 +128,13 @@ class EnergySums:
         return result
 
     @ti.kernel
-    def _potential(self, now: int, spacing: float, peak_strain: float):
+    def _potential(self, now: int, spacing: float, peak_strain: float, volumetric: float):
         nz, ny, _ = ti.static(self.state.sites)
         pieces, piece_length = ti.static(self.state.layout.pieces, self.state.layout.piece)
         for row in range(self.rows.shape[0]):
-            step = ti.Struct(now=now, spacing=spacing, peak_strain=peak_strain)
+            step = ti.Struct(
+                now=now, spacing=spacing, peak_strain=peak_strain, volumetric=volumetric
+            )
             total = ti.Vector.zero(ti.f64, 3)
             k, j = row // pieces // ny, row // pieces % ny
             piece = row % pieces
@@ -144,11 +147,14 @@ class EnergySums:
                         strain = self.bars.strain(q)
                         for lane in range(self.state.lanes.width):
                             total += self.bar_energy(bar, strain[lane], at, lane, step)
+                    if ti.static(self.state.features.volumetric):
+                        total[0] += self.volumes.column_energy(at, step)
             self.rows[row] = total
 
     def potential(self, now: int) -> None:
         """Sum strain energy, dissipated energy and broken bars at the displacement ``now``."""
-        self._potential(now, self.state.lattice.spacing, self.state.peak_strain)
+        state = self.state
+        self._potential(now, state.lattice.spacing, state.peak_strain, state.volumetric)
 
     @ti.func
     def add_up(self):

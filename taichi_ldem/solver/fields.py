@@ -65,6 +65,7 @@ class Features:
         modulus: whether every bar has a Young's modulus of its own.
         perturbed: whether nodes lie off the regular lattice, so that every bar has a vector of its
             own.
+        volumetric: whether modules have an energy of their volume.
         density: whether every node has a mass of its own.
     """
 
@@ -122,6 +123,12 @@ class Features:
         "plate.perturbation = 0",
         lambda scene: scene.plate.perturbation > 0,
         lambda _: {"plate": {"perturbation": 0.05}},
+    )
+    volumetric: bool = _feature(
+        "energy of a module's volume",
+        'plate.stiffness other than "volumetric"',
+        lambda scene: scene.plate.stiffness == "volumetric",
+        lambda _: {"plate": {"stiffness": "volumetric"}},
     )
     density: bool = _feature(
         "mass of every node",
@@ -216,7 +223,8 @@ class Layout:
     def members(self, name: str) -> tuple[int, ...]:
         """Numbers of fields of a name: one, or one for each bar, sublattice, or axis of each."""
         nodes = self.cell.sublattices
-        return {"": (), "bar": (self.cell.bars,), "node": (nodes,), "node axis": (nodes, 3)}[name]
+        counts = {"": (), "bar": (self.cell.bars,), "tensor": (3, 3)}
+        return (counts | {"node": (nodes,), "node axis": (nodes, 3)})[name]
 
     @property
     def bar_rows(self) -> int:
@@ -351,6 +359,8 @@ FIELDS = (
     Row("velocity", "velocity of nodes, half a step behind", "m/s", _columns, "node axis",
         evolves=True),
     Row("axial", "axial force of a bar over its current length", "N/m", _bar_rows, "bar"),
+    Row("swelling", "force of a module's volume on a corner towards + + +, by axis of the force and"
+        " of the corner's place", "N", _bar_rows, "tensor", present=_named("volumetric")),
     Row("code", "byte of the site (see lattice)", "", _columns, kind="u8"),
     Row("velocity_before", "velocities of the row that a measured step updates, as they were before"
         " it", "m/s", _strip_rows, "node axis", present=_in_strips),

@@ -14,6 +14,7 @@ import taichi as ti
 from taichi_ldem.model.cell import CENTRE, CORNER
 from taichi_ldem.solver.lanes import HALO
 from taichi_ldem.solver.state import State
+from taichi_ldem.solver.volume import ModuleVolumes
 
 
 @ti.func
@@ -30,8 +31,8 @@ def in_pairs(values: ti.template()):
 class NodeUpdate:
     """Forces on nodes, their integration, and the energies that go with it."""
 
-    def __init__(self, state: State):
-        self.state = state
+    def __init__(self, state: State, volumes: ModuleVolumes):
+        self.state, self.volumes = state, volumes
 
     @ti.func
     def displacement_from_grid(
@@ -76,7 +77,10 @@ class NodeUpdate:
         edges = a[ti.static(2 * axis)] - a[ti.static(2 * axis + 1)]
         here = self.displacement_from_grid(s, axis, at, (0, 0, 0), step)
         whole = edges + ti.static(self.state.cell.reach) * lever
-        return pulls + (step.spacing * whole - in_pairs(a) * here)
+        total = pulls + (step.spacing * whole - in_pairs(a) * here)
+        if ti.static(self.state.features.volumetric and s == CORNER):
+            total += self.volumes.force(axis, rows, at)
+        return total
 
     @ti.func
     def free_velocity(

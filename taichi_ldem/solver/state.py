@@ -95,7 +95,7 @@ class State:
         sites, lanes, shape, in_strips: those of the layout.
         on_cpu: whether Taichi runs on the CPU.
         law: the softening law; None without damage.
-        peak_strain: eps_p of the bar families.
+        peak_strain: eps_p of the bar families. volumetric: lambda - mu, Pa (``volume``).
 
     Each row of ``fields.FIELDS`` whose features the lattice has is an attribute, too.
     """
@@ -103,6 +103,7 @@ class State:
     displacement: list[list[ti.MatrixField]]
     velocity: list[list[ti.MatrixField]]
     axial: list[ti.MatrixField]
+    swelling: list[list[ti.MatrixField]]
     code: ti.MatrixField
     velocity_before: list[list[ti.MatrixField]]
     node_sums: ti.MatrixField
@@ -142,7 +143,7 @@ class State:
         self.sites, self.lanes, self.shape = self.layout.sites, self.layout.lanes, self.layout.shape
         self.in_strips = self.layout.in_strips
         self.law: Any = None if features.law is None else law_named(features.law)
-        self.peak_strain = np.inf
+        self.peak_strain, self.volumetric = np.inf, 0.0
         for row in rows(features, self.layout):
             setattr(self, row.name, _allocate(row, self.layout))
         self.set_lattice(lattice)

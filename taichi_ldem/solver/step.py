@@ -20,10 +20,16 @@ TURNS = 512
 """Least number of iterations of a parallel loop that Taichi gives to a CPU thread."""
 
 StepNumbers = ti.types.struct(
-    spacing=ti.f64, kick=ti.f64, drift=ti.f64, damping=ti.f64, peak_strain=ti.f64
+    spacing=ti.f64,
+    kick=ti.f64,
+    drift=ti.f64,
+    damping=ti.f64,
+    peak_strain=ti.f64,
+    volumetric=ti.f64,
 )
 """Numbers of a step: module edge, m; the times by which velocities and displacements change, s; the
-damping coefficient, 1/s; eps_p of the bar families. Kernels round them to Taichi's default float.
+damping coefficient, 1/s; eps_p of the bar families; lambda - mu, Pa. Kernels round them to Taichi's
+default float.
 """
 
 
@@ -33,11 +39,14 @@ class Step:
 
     def __init__(self, state: State, bars: BarForces, nodes: NodeUpdate, tips: CrackTips):
         self.state, self.bars, self.nodes, self.tips = state, bars, nodes, tips
+        self.volumes = nodes.volumes
         self._numbers: dict[tuple[float, ...], ti.Struct] = {}
 
     def numbers(self, kick: float, drift: float, damping: float) -> ti.Struct:
         """The ``StepNumbers`` of a step; reused, as creating one takes as long as a small step."""
-        key = (self.state.lattice.spacing, kick, drift, damping, self.state.peak_strain)
+        state = self.state
+        material = (state.peak_strain, state.volumetric)
+        key = (state.lattice.spacing, kick, drift, damping, *material)
         if key not in self._numbers:
             if len(self._numbers) > 16:
                 self._numbers.clear()
@@ -54,7 +63,15 @@ class Step:
             drift=ti.cast(numbers.drift, float),
             damping=ti.cast(numbers.damping, float),
             peak_strain=ti.cast(numbers.peak_strain, float),
+            volumetric=ti.cast(numbers.volumetric, float),
         )
+
+    @ti.func
+    def forces(self, at: ti.template(), step: ti.template()):
+        """Pass 1 for a column: the forces of its bars, and of its modules' volumes."""
+        self.bars.column_forces(at, step)
+        if ti.static(self.state.features.volumetric):
+            self.volumes.column_forces(at, step)
 
     # -- in strips ---------------------------------------------------------------------------------
 
@@ -75,7 +92,7 @@ class Step:
             row = self.bar_row(j)
             for k in range(1, self.state.sites[0] - 1):
                 for m in range(HALO - 1, HALO + self.state.lanes.length + 1):
-                    self.bars.column_forces(ti.Struct(strip=strip, row=row, k=k, j=j, m=m), step)
+                    self.forces(ti.Struct(strip=strip, row=row, k=k, j=j, m=m), step)
 
     @ti.func
     def node_row(self, strip, j, step: ti.template(), measure):
@@ -150,7 +167,7 @@ class Step:
                     part(ti.Struct(k=k, j=j, m=m), self.rounded(now, numbers))
         for j, k, m in ti.ndrange((1, ny - 1), (1, nz - 1), (begin - 1, end + 1)):
             step = self.rounded(now, numbers)
-            self.bars.column_forces(ti.Struct(strip=0, row=j, k=k, j=j, m=m), step)
+            self.forces(ti.Struct(strip=0, row=j, k=k, j=j, m=m), step)
         if ti.static(measure):
             for j, k, piece in ti.ndrange((1, ny - 1), (1, nz - 1), pieces):
                 step = self.rounded(now, numbers)
