@@ -112,11 +112,11 @@ def test_forces_and_energy_are_those_of_a_list_of_bars(taichi: None) -> None:
     ("table", "key", "message"),
     [
         ({"material": {"poisson_ratio": 0.3}}, "material.poisson_ratio", "must be 0.25"),
-        ({"plate": {"stiffness": "as-printed"}}, "plate.stiffness", "must be 'equation-2'"),
+        ({"plate": {"stiffness": "as-printed"}}, "plate.stiffness", "is for"),
     ],
 )
 def test_other_materials_are_refused(table: dict, key: str, message: str) -> None:
     plate = {"lattice": "cubic-26"} | table.get("plate", {})
     material = PMMA | table.get("material", {})
-    with pytest.raises(ValueError, match=f'{key} .*{message} with plate.lattice = "cubic-26"'):
+    with pytest.raises(ValueError, match=f"{key} .*{message}"):
         block_scene(4, 4, 2, plate=plate, material=material)

@@ -1,0 +1,175 @@
+"""Modules with an energy of their volume: the isotropic solid of any Poisson's ratio."""
+
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from support.blocks import PMMA, block_scene
+from support.reference import Body
+
+from taichi_ldem.errors import SceneError
+from taichi_ldem.model import material as mat
+from taichi_ldem.model.cell import CELLS
+from taichi_ldem.model.lattice import prism
+from taichi_ldem.scene import Material
+
+if TYPE_CHECKING:
+    from taichi_ldem.solver.simulation import Simulation
+
+Array = np.ndarray
+MODULUS = PMMA["youngs_modulus"]
+RATIOS = (0.01, 0.1, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.49)
+CORNERS = list(itertools.product((-1, 1), repeat=3))
+
+
+def _material(ratio: float) -> Material:
+    return Material(**PMMA | {"poisson_ratio": ratio})
+
+
+def _lame(ratio: float) -> tuple[float, float]:
+    """Lame's constants of the solid over E (Hooke's law)."""
+    return ratio / ((1 + ratio) * (1 - 2 * ratio)), 1 / (2 * (1 + ratio))
+
+
+# -- the infinite lattice, without the program's kernels -------------------------------------------
+
+
+def _energy(strain: Array, ratio: float, lattice: str) -> float:
+    """Energy per volume over E in a uniform small strain.
+
+    That of the bars is a third difference over blocks of n^3 modules (bulk, faces, edges, corners).
+    """
+    bars = mat.bar_families(_material(ratio), 1.0, "volumetric", lattice=lattice)
+    unit = [family.axial_stiffness / MODULUS for family in bars]
+    energies = []
+    for n in (1, 2, 3, 4):
+        body = Body(prism(n, n, n), lattice=lattice)
+        along = body.rest / body.lengths[:, None]
+        bar = np.einsum("bi,ij,bj->b", along, strain, along)
+        energies.append(np.sum(0.5 * body.weights * body.per_bar(*unit) * body.lengths * bar**2))
+    of_volume = 0.5 * mat.volumetric_modulus(1.0, ratio) * np.trace(strain) ** 2
+    return float(np.diff(energies, 3)[0]) / 6 + of_volume
+
+
+@pytest.mark.parametrize("lattice", CELLS)
+@pytest.mark.parametrize("ratio", RATIOS)
+def test_elastic_constants_are_those_of_the_solid(ratio: float, lattice: str) -> None:
+    c11 = 2 * _energy(np.diag([1.0, 0.0, 0.0]), ratio, lattice)
+    c12 = _energy(np.diag([1.0, 1.0, 0.0]), ratio, lattice) - c11
+    c44 = 2 * _energy(np.array([[0, 0.5, 0], [0.5, 0, 0], [0, 0, 0]]), ratio, lattice)
+    lame, shear = _lame(ratio)
+    expected = (lame + 2 * shear, lame, shear)
+    np.testing.assert_allclose((c11, c12, c44), expected, rtol=0, atol=1e-10)
+    said = mat.elastic_constants(1.0, ratio, "volumetric")
+    np.testing.assert_allclose(said, expected, rtol=1e-12)
+
+
+def _lowest(k: Array, ratio: float, lattice: str) -> float:
+    """Lowest eigenvalue of the stiffness of a wave (1/L) over that of E L."""
+    cell = CELLS[lattice]
+    bars = mat.bar_families(_material(ratio), 1.0, "volumetric", lattice=lattice)
+    stiffness = np.zeros((cell.sublattices, 3, cell.sublattices, 3), dtype=complex)
+    for ((first, _), (second, _)), vector, number in zip(
+        cell.ends, cell.vectors, cell.family, strict=True
+    ):
+        unit = vector / np.linalg.norm(vector)
+        pull = bars[number].axial_stiffness / MODULUS / bars[number].length * np.outer(unit, unit)
+        phase = np.exp(1j * k @ vector)
+        stiffness[first, :, first] += pull
+        stiffness[second, :, second] += pull
+        stiffness[first, :, second] -= pull * phase
+        stiffness[second, :, first] -= pull * phase.conj()
+    gradient = sum(np.array(s) / 4 * np.exp(0.5j * k @ s) for s in CORNERS)
+    grown = np.outer(gradient.conj(), gradient)
+    stiffness[0, :, 0] += mat.volumetric_modulus(1.0, ratio) * grown
+    size = 3 * cell.sublattices
+    return float(np.linalg.eigvalsh(stiffness.reshape(size, size))[0])
+
+
+@pytest.mark.parametrize("lattice", CELLS)
+@pytest.mark.parametrize("ratio", RATIOS)
+def test_no_wave_of_the_brillouin_zone_is_unstable(ratio: float, lattice: str) -> None:
+    """Below 1/4 the volumetric modulus is negative; bars outweigh it for every wave."""
+    steps = np.linspace(0, 2 * np.pi, 13)[:7]
+    for k in itertools.product(steps, repeat=3):
+        if any(k):
+            assert _lowest(np.array(k), ratio, lattice) > 1e-3
+
+
+# -- the kernels -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module", params=CELLS)
+def simulation(taichi: None, request: pytest.FixtureRequest) -> "Simulation":
+    from taichi_ldem.solver.simulation import Simulation
+
+    plate = {"lattice": request.param, "stiffness": "volumetric"}
+    return Simulation(block_scene(7, 5, 4, plate=plate, material={**PMMA, "poisson_ratio": 0.36}))
+
+
+def _total(simulation: "Simulation", field: Array) -> float:
+    simulation.start_from(field, np.zeros_like(field))
+    simulation.energies.potential(simulation.now)
+    return float(simulation.energies.total()[0])
+
+
+def _noise(simulation: "Simulation", seed: int) -> Array:
+    """Displacements of a twentieth of a module: J from 0.8 to 1.2."""
+    lattice = simulation.dynamics.lattice
+    exists = lattice.exists()
+    size = (*exists.shape, 3)
+    noise = np.random.default_rng(seed).normal(0, 0.05 * lattice.spacing, size)
+    return np.asarray(noise * exists[..., None])
+
+
+def test_energy_is_that_of_bars_and_of_every_module_s_determinant(simulation: "Simulation") -> None:
+    """Against NumPy's determinant of the mean gradient of the eight corners' places."""
+    field, lattice = _noise(simulation, 1), simulation.dynamics.lattice
+    body = Body(lattice.mask, lattice.spacing, lattice=lattice.cell.name)
+    bars = mat.bars_of(simulation.scene)
+    of_bars = body.strain_energy(field[body.index], tuple(f.axial_stiffness for f in bars))
+    place = (lattice.positions() + field)[0]
+    modulus = mat.volumetric_modulus(MODULUS, 0.36)
+    of_volumes = 0.0
+    for k, j, i in np.argwhere(lattice.mask) + 1:
+        gradient = sum(
+            np.outer(place[k + (z > 0), j + (y > 0), i + (x > 0)], (x, y, z)) for x, y, z in CORNERS
+        ) / (4 * lattice.spacing)
+        of_volumes += 0.5 * modulus * (np.linalg.det(gradient) - 1) ** 2 * lattice.spacing**3
+    assert of_volumes > 0.05 * of_bars
+    assert _total(simulation, field) == pytest.approx(of_bars + of_volumes, rel=1e-12)
+
+
+def test_forces_are_the_slope_of_the_energy_and_add_up_to_zero(simulation: "Simulation") -> None:
+    field, direction = _noise(simulation, 2), _noise(simulation, 3)
+    _total(simulation, field)
+    force = simulation.dynamics.get_force(simulation.now)
+    step = 1e-4
+    ends = [_total(simulation, field + sign * step * direction) for sign in (1, -1)]
+    slope = (ends[0] - ends[1]) / (2 * step)
+    assert -slope == pytest.approx(float((force * direction).sum()), rel=1e-6)
+    whole = np.abs(force.sum(axis=(0, 1, 2, 3)))
+    assert whole.max() < 1e-12 * np.abs(force).max() * force.size
+
+
+def test_a_rotation_costs_nothing(simulation: "Simulation") -> None:
+    from scipy.spatial.transform import Rotation
+
+    lattice = simulation.dynamics.lattice
+    place = lattice.positions() * lattice.exists()[..., None]
+    turn = Rotation.from_rotvec([0.3, -1.0, 0.7]).as_matrix()
+    assert _total(simulation, place @ turn.T - place) < 1e-24 * MODULUS * lattice.volume
+
+
+def test_energy_of_a_vibration_is_kept(simulation: "Simulation") -> None:
+    simulation.start_from(0.02 * _noise(simulation, 4), 0.0 * _noise(simulation, 4))
+    first = simulation.sample_step().ledger.stored
+    simulation.advance(400)
+    assert simulation.sample_step().ledger.stored == pytest.approx(first, rel=1e-3)
+
+
+def test_bars_that_break_are_refused() -> None:
+    material = PMMA | {"damage": True, "fracture_energy": 1034.0, "failure_strain": 0.02}
+    with pytest.raises(SceneError, match=r"plate.stiffness .*needs material.damage = false"):
+        block_scene(4, 4, 2, plate={"stiffness": "volumetric"}, material=material)
