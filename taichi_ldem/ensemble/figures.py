@@ -16,7 +16,8 @@ from taichi_ldem.analysis.cracks import Cracks
 from taichi_ldem.analysis.paper import is_papers_test
 from taichi_ldem.analysis.signals import SMOOTHING_WINDOW, smooth_force
 from taichi_ldem.ensemble.attempt import FINISHED
-from taichi_ldem.ensemble.plan import CV, MEMBERS, SEED
+from taichi_ldem.ensemble.axes import CV, SEED
+from taichi_ldem.ensemble.plan import MEMBERS
 from taichi_ldem.ensemble.results import Row, groups, numbers_of
 from taichi_ldem.ensemble.table3 import label
 from taichi_ldem.output.curves.forces import experiments_force, papers_velocity

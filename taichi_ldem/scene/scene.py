@@ -139,9 +139,19 @@ def load_tables(path: str | Path, overrides: Sequence[str] = ()) -> dict[str, An
     return load.apply_overrides(data, load.parse_overrides(overrides, Scene))
 
 
-def override_value(text: str) -> object:
-    """The value of an override `section.key=value`; SceneError as `load_scene`."""
-    return load.parse_overrides([text], Scene)[0].value
+def parse_overrides(texts: Sequence[str]) -> list[load.Override]:
+    """Overrides `section.key=value` by key and value; SceneError as `load_scene`."""
+    return load.parse_overrides(texts, Scene)
+
+
+def overridden_tables(
+    tables: Mapping[str, Any], overrides: Sequence[load.Override]
+) -> dict[str, Any]:
+    """A copy of tables with overrides, not validated; otherwise as `load_scene`."""
+    copied = {
+        name: dict(table) if isinstance(table, dict) else table for name, table in tables.items()
+    }
+    return load.apply_overrides(copied, overrides)
 
 
 def parse_scene(

@@ -34,8 +34,11 @@ _END_OF_FILE = 40
 TEMPORARY = ".tmp"
 
 
-def write_whole(path: Path, content: bytes) -> None:
+def write_whole(path: Path, content: bytes, *, sync: bool = True) -> None:
     """Write a file whole or not at all; an old one stays until the new one is on the disk.
+
+    Args:
+        sync: wait until it is on the disk; False for many files that can be made again.
 
     Raises:
         OSError: it could not be written; what had been written is removed.
@@ -44,13 +47,15 @@ def write_whole(path: Path, content: bytes) -> None:
     try:
         with open(temporary, "wb", buffering=0) as file:
             _write_all(file, content, 0)
-            os.fsync(file.fileno())
+            if sync:
+                os.fsync(file.fileno())
         os.replace(temporary, path)
     except OSError as error:
         with contextlib.suppress(OSError):
             temporary.unlink()
         raise _named(error, path) from None
-    sync_folder(path.parent)
+    if sync:
+        sync_folder(path.parent)
 
 
 def sync_folder(path: Path) -> None:
