@@ -11,7 +11,7 @@ from typing import Any
 import typer
 
 from taichi_ldem.cli import ensemble, paper, run, show, study
-from taichi_ldem.errors import ExitCode, SceneError
+from taichi_ldem.errors import DamagedFile, ExitCode, SceneError
 
 # Typer's own copy of Click's class, or Click's: it depends on Typer's version
 UsageError: Any = typer.BadParameter.__mro__[1]
@@ -47,6 +47,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _complain(message + _hint(error), ExitCode.BAD_INPUT)
     except typer.Abort:
         return ExitCode.INTERRUPTED
+    except DamagedFile as error:
+        return _complain(str(error), ExitCode.FILE_ERROR)
     except SceneError as error:
         return _complain(str(error), ExitCode.BAD_INPUT)
     except OSError as error:

@@ -15,18 +15,19 @@ from taichi_ldem.analysis.quantities import AT_T2, MEASURED_AT_END, at_end, name
 from taichi_ldem.ensemble.plan import MEMBERS
 from taichi_ldem.ensemble.results import FEWEST
 from taichi_ldem.ensemble.table3 import label
-from taichi_ldem.errors import SceneError
+from taichi_ldem.errors import DamagedFile
 from taichi_ldem.output.report.images import embedded
 from taichi_ldem.output.report.page import Link, Page, Picture, Table
 from taichi_ldem.output.report.tables import plain
 from taichi_ldem.output.report.write import write_page
+from taichi_ldem.reading import read_object, read_text
 
 _TABLE = "ensemble.csv"
 
 
 def has_members(folder: Path) -> bool:
     """Whether a folder holds the table of an ensemble's members."""
-    return (folder / _TABLE).is_file()
+    return (folder / _TABLE).exists()
 
 
 def write_report(folder: Path, out: Path | None = None) -> Path:
@@ -55,7 +56,11 @@ _ACROSS = 10
 
 
 def _csv_rows(file: Path) -> list[dict[str, str]]:
-    return list(csv.DictReader(io.StringIO(file.read_text(encoding="utf-8"))))
+    rows = list(csv.DictReader(io.StringIO(read_text(file)), strict=True))
+    for place, row in enumerate(rows):
+        if None in row or None in row.values() or "name" not in row:
+            raise DamagedFile(f"'{file}': row {place + 1} does not fit its header")
+    return rows
 
 
 def _member_tables(members: Sequence[Mapping[str, str]], folder: Path, page: Path) -> list[Table]:
@@ -122,11 +127,8 @@ def ensemble_page(folder: Path, page: Path) -> Page:
     members = _csv_rows(folder / _TABLE)
     record: dict[str, Any] = {}
     file = folder / "ensemble.json"
-    if file.is_file():
-        try:
-            record = json.loads(file.read_text(encoding="utf-8"))
-        except ValueError as error:
-            raise SceneError(f"cannot read '{file}': {error}") from None
+    if file.exists():
+        record = read_object(file)
     asked = [(key, plain(value)) for key, value in record.get("asked", {}).items()]
     read = [_cells(member) for member in members]
     groups = [_group(group, starred=_starred(group, read)) for group in record.get("groups", [])]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
-import sys
+import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,18 +18,13 @@ from typing import Any
 
 import tomli_w
 
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
-
 from taichi_ldem import __version__
 from taichi_ldem.ensemble.axes import CV, SEED, Value, make_axes
-from taichi_ldem.errors import SceneError
+from taichi_ldem.errors import DamagedFile, SceneError
+from taichi_ldem.reading import read_toml
 from taichi_ldem.scenarios.registry import entry_of, resumable
 from taichi_ldem.scene import (
     Scene,
-    load_scene,
     load_tables,
     overridden_tables,
     parse_overrides,
@@ -37,6 +32,7 @@ from taichi_ldem.scene import (
     scene_to_toml,
 )
 from taichi_ldem.storage.durable import sync_folder, write_whole
+from taichi_ldem.storage.folder import read_scene
 from taichi_ldem.storage.provenance import canonical, scene_hash
 
 PLATE_SEED = "plate.perturbation_seed"
@@ -45,6 +41,9 @@ PLATE_SEED = "plate.perturbation_seed"
 RECORD, SCENES, MEMBERS, ATTEMPTS = "ensemble.toml", "scenes", "members", "attempts"
 LONGEST_NAME = 200
 """Characters of a member's name; file systems take 255 bytes with endings."""
+
+
+_NAME = re.compile(r"\w[\w.+-]*", re.ASCII)
 
 
 @dataclass(frozen=True)
@@ -221,33 +220,37 @@ def read_plan(folder: Path) -> Plan:
     """The plan of an ensemble's folder.
 
     Raises:
-        SceneError: the folder holds no ensemble, or a file of it cannot be read.
+        SceneError: the folder holds no ensemble.
+        DamagedFile: a file of it cannot be read.
     """
-    record = _record(folder)
-    try:
-        keys = list(dict.fromkeys(k for m in record["member"] for k in m["varied"]))
-        keys.sort(key=lambda key: key == SEED)
-        members = [
-            Member(
-                str(m["name"]),
-                {key: m["varied"].get(key) for key in keys},
-                load_scene(folder / SCENES / f"{m['name']}.toml"),
-            )
-            for m in record["member"]
-        ]
-        return Plan(tuple(members), record["asked"])
-    except (KeyError, TypeError, AttributeError) as error:
-        raise SceneError(f"'{folder / RECORD}' is no record of an ensemble: {error!r}") from None
+    record, path = _record(folder), folder / RECORD
+    listed, asked = record.get("member"), record.get("asked", {})
+    if not isinstance(listed, list) or not listed or not isinstance(asked, dict):
+        raise DamagedFile(f"'{path}' is no record of an ensemble: it lists no members")
+    keys: dict[str, None] = {}
+    for place, member in enumerate(listed):
+        varied = member.get("varied") if isinstance(member, dict) else None
+        # a name from a file must not lead out of the folder
+        if not isinstance(varied, dict) or not _NAME.fullmatch(str(member.get("name"))):
+            raise DamagedFile(f"'{path}': entry {place + 1} is no member of an ensemble")
+        keys |= dict.fromkeys(varied)
+    ordered = sorted(keys, key=lambda key: key == SEED)
+    members = [
+        Member(
+            str(member["name"]),
+            {key: member["varied"].get(key) for key in ordered},
+            read_scene(folder / SCENES / f"{member['name']}.toml"),
+        )
+        for member in listed
+    ]
+    return Plan(tuple(members), asked)
 
 
 def _record(folder: Path) -> dict[str, Any]:
     path = folder / RECORD
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise SceneError(f"'{folder}' holds no ensemble: it has no {RECORD}") from None
-    except (OSError, ValueError) as error:
-        raise SceneError(f"cannot read '{path}': {error}") from None
+    if not path.exists():
+        raise SceneError(f"'{folder}' holds no ensemble: it has no {RECORD}")
+    return read_toml(path)
 
 
 def refuse_other_plan(plan: Plan, folder: Path) -> None:

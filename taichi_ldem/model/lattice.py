@@ -35,6 +35,7 @@ BAR_VECTORS: npt.NDArray[np.float64] = np.array(
 )
 """(14, 3): the vector from a bar's first to its second node, in units of the module edge."""
 
+_WHOLE = (slice(None), slice(None), slice(None))
 _CODES = np.arange(256, dtype=np.uint8)
 _MODULE = np.unpackbits(_CODES[:, None], axis=1, bitorder="little").astype(bool)
 _FREE = np.stack(
@@ -169,11 +170,15 @@ class Lattice:
         offsets[0] *= _FREE[self.code]
         return np.asarray(offsets * self.exists()[..., None])
 
-    def grid(self) -> npt.NDArray[np.float64]:
-        """Places of all nodes in the regular lattice, m: (2, nz + 3, ny + 3, nx + 3, 3)."""
+    def grid(self, part: tuple[slice, slice, slice] = _WHOLE) -> npt.NDArray[np.float64]:
+        """Places of all nodes in the regular lattice, m: (2, nz + 3, ny + 3, nx + 3, 3).
+
+        Args:
+            part: of the sites, along z, y and x; the other places are left out.
+        """
         axes = [
-            start + (np.arange(n) - 1) * self.spacing
-            for start, n in zip(self.origin, reversed(self.sites), strict=True)
+            (start + (np.arange(n) - 1) * self.spacing)[chosen]
+            for start, n, chosen in zip(self.origin, self.sites[::-1], part[::-1], strict=True)
         ]
         z, y, x = np.meshgrid(axes[2], axes[1], axes[0], indexing="ij")
         corner = np.stack([x, y, z], axis=-1)
@@ -215,13 +220,17 @@ class Lattice:
         Returns:
             (nz + 3, ny + 3, nx + 3) one bit a bar.
         """
-        first, vectors = self.grid(), BAR_VECTORS * self.spacing
+        others = [a for a in range(3) if a != axis]
+        ends = np.array([lower, upper], dtype=float)
+        corners = np.full((4, 3), float(position))
+        corners[:, others] = [(a, b) for a in ends[:, 0] for b in ends[:, 1]]
+        near = self._sites_near(turned(corners, -angle) if angle else corners)
+        first, vectors = self.grid(near), BAR_VECTORS * self.spacing
         if angle:
             first, vectors = turned(first, angle), turned(vectors, angle)
-        others = [a for a in range(3) if a != axis]
         plane = position + 1e-6 * self.spacing
         cut = np.zeros(self.sites, dtype=np.uint16)
-        existing = bar_weights(False)[self.code] > 0
+        existing = bar_weights(False)[self.code[near]] > 0
         for bar, vector in enumerate(vectors):
             if abs(vector[axis]) < 1e-9 * self.spacing:
                 continue
@@ -232,8 +241,22 @@ class Lattice:
                 place = start[..., other] + along * vector[other]
                 tolerance = 1e-6 * self.spacing
                 hit &= (place >= low - tolerance) & (place <= high + tolerance)
-            cut |= hit.astype(np.uint16) << bar
+            cut[near] |= hit.astype(np.uint16) << bar
         return cut
+
+    def _sites_near(self, places: npt.NDArray[np.float64]) -> tuple[slice, slice, slice]:
+        """The sites of all bars that may reach into the box around some places (n, 3).
+
+        With thousands of notches, looking at the whole lattice for each takes minutes.
+        """
+        origin, count = np.array(self.origin), np.array(self.sites[::-1])
+        low = np.floor((places.min(axis=0) - origin) / self.spacing) - 2  # a bar is shorter than 2
+        high = np.ceil((places.max(axis=0) - origin) / self.spacing) + 5
+        x, y, z = (
+            slice(int(a), int(b))
+            for a, b in zip(np.clip(low, 0, count), np.clip(high, 0, count), strict=True)
+        )
+        return z, y, x
 
 
 def turned(places: npt.NDArray[np.float64], angle: float) -> npt.NDArray[np.float64]:

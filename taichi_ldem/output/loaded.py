@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 
 from taichi_ldem.analysis.paper import is_papers_test
 from taichi_ldem.analysis.signals import SMOOTHING_WINDOW
+from taichi_ldem.reading import Named
 from taichi_ldem.scenarios.registry import SCENARIOS
-from taichi_ldem.scene import Scene, load_scene
+from taichi_ldem.scene import Scene
 from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.storage.history import finite_rows
 
 if TYPE_CHECKING:
     from taichi_ldem.analysis.cracks import Cracks
@@ -55,11 +57,13 @@ class LoadedRun:
         Raises:
             SceneError: a file of the run cannot be read.
         """
-        history = folder.read_history() if folder.history_file.is_file() else {}
+        history = folder.read_history() if folder.history_file.exists() else {}
+        history = finite_rows(history)
         if most_rows is not None:
             every = max(1, -(-len(history.get("time_s", ())) // most_rows))
             history = {name: values[::every] for name, values in history.items()}
-        return cls(folder, load_scene(folder.scene_file), history, folder.read_summary())
+        named = Named(folder.history_file, "column", history)
+        return cls(folder, folder.read_scene(), named, folder.read_summary())
 
     @property
     def rows(self) -> int:
@@ -94,7 +98,7 @@ class LoadedRun:
     @cached_property
     def cracks(self) -> Cracks | None:
         """The measured cracks of a falling-weight test; None without a broken bar."""
-        if self.scene.scenario != "impact" or not self.folder.fields_file.is_file():
+        if self.scene.scenario != "impact" or not self.folder.fields_file.exists():
             return None
         from taichi_ldem.scenarios.measure import measure_run
 

@@ -7,7 +7,7 @@ from taichi_ldem.scenarios import runner
 from taichi_ldem.scenarios.drawing import Draw
 from taichi_ldem.scenarios.registry import Scenario, entry_of, resumable
 from taichi_ldem.scenarios.runner import Summary
-from taichi_ldem.scene import Scene, load_scene
+from taichi_ldem.scene import Scene
 from taichi_ldem.storage.folder import RunFolder
 
 
@@ -59,7 +59,7 @@ def resume(out: Path, *, extend: float = 0.0, quiet: bool = False, draw: Draw | 
         SceneError: also where the folder holds no run, or one that cannot be resumed.
     """
     folder = RunFolder(out)
-    if not folder.scene_file.is_file():
+    if not folder.scene_file.exists():
         raise SceneError(f"'{out}' is no run folder: it has no scene.toml")
-    summary = summary_of(entry_of(load_scene(folder.scene_file)))
+    summary = summary_of(entry_of(folder.read_scene()))
     return runner.resume(out, summary, extend=extend, quiet=quiet, draw=draw)

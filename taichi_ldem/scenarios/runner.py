@@ -24,7 +24,7 @@ from taichi_ldem.scenarios.field_output import FieldOutput
 from taichi_ldem.scenarios.interrupts import Interrupts, Signalled
 from taichi_ldem.scenarios.progress import announce, make_console, progress
 from taichi_ldem.scenarios.registry import entry_of
-from taichi_ldem.scene import Scene, load_scene, parse_scene, scene_to_toml
+from taichi_ldem.scene import Scene, parse_scene, scene_to_toml
 from taichi_ldem.solver import backend
 from taichi_ldem.solver.contact import bodies_of, observables
 from taichi_ldem.solver.memory import peak_bytes, refuse_too_large
@@ -164,7 +164,7 @@ def resume(
 
     console = make_console(quiet)
     folder = RunFolder(out)
-    scene = load_scene(folder.scene_file)
+    scene = folder.read_scene()
     if folder.summary_file.is_file() and not extend:
         console.print(f"{out} holds a finished run; --extend SECONDS runs on past its end")
         return ExitCode.DONE

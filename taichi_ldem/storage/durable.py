@@ -137,6 +137,8 @@ def _take(folder: Path) -> BaseFileLock | None:
 
 
 def _read_holder(folder: Path) -> str:
+    if not (folder / LOCK).is_file():  # a FIFO would wait for a writer
+        return ""
     with contextlib.suppress(OSError), open(folder / LOCK, "rb", buffering=0) as file:
         file.seek(1)
         return file.read(200).decode("utf-8", "replace")

@@ -19,7 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_ldem.errors import SceneError
+from taichi_ldem.errors import DamagedFile, SceneError
+from taichi_ldem.reading import Named, read_object, refuse_special
+from taichi_ldem.scene import Scene, load_tables, parse_scene
 from taichi_ldem.storage.durable import LOCK, locked, refuse_locked, write_whole
 from taichi_ldem.storage.history import read_history
 
@@ -106,8 +108,9 @@ class RunFolder:
         if not folder.path.is_dir():
             raise SceneError(f"'{path}' is no run folder: there is no such folder")
         for file in (folder.scene_file, folder.history_file):
-            if not file.is_file():
+            if not file.exists():
                 raise SceneError(f"'{path}' is no run folder: it has no {file.name}")
+            refuse_special(file)
         return folder
 
     @property
@@ -137,10 +140,12 @@ class RunFolder:
 
     def processes(self) -> list[Any]:
         """What ``run.json`` says of each process that has worked on the run, the first first."""
-        earlier: Any = []
-        with suppress(OSError, ValueError, KeyError, TypeError):
-            earlier = json.loads(self.provenance_file.read_text(encoding="utf-8"))["processes"]
-        return earlier if isinstance(earlier, list) else []
+        if not self.provenance_file.exists():
+            return []
+        earlier = read_object(self.provenance_file).get("processes")
+        if not isinstance(earlier, list):
+            raise DamagedFile(f"'{self.provenance_file}' has no list of processes")
+        return earlier
 
     def write_provenance(self, provenance: dict[str, Any]) -> None:
         """Add a process to those that have worked on the run."""
@@ -156,6 +161,10 @@ class RunFolder:
             return {tag: str(run[key]) for key, tag in tags.items() if run[key]}
         return {}
 
+    def read_scene(self) -> Scene:
+        """The resolved scene; errors as for ``read_scene``."""
+        return read_scene(self.scene_file)
+
     def write_scene(self, text: str) -> None:
         """Write the resolved scene (TOML)."""
         write_whole(self.scene_file, text.encode())
@@ -167,15 +176,11 @@ class RunFolder:
 
     def read_summary(self) -> dict[str, Any]:
         """The summary; empty where the run has not finished.  Raises SceneError if unreadable."""
-        if not self.summary_file.is_file():
-            return {}
-        try:
-            summary = json.loads(self.summary_file.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            raise SceneError(f"cannot read '{self.summary_file}': {error}") from None
-        if not isinstance(summary, dict):
-            raise SceneError(f"'{self.summary_file}' holds no table of numbers")
-        return summary
+        summary = read_object(self.summary_file) if self.summary_file.exists() else {}
+        for key, value in summary.items():
+            if not _is_number(value) and _MEASURE.search(key):
+                raise DamagedFile(f"'{self.summary_file}': {key} is no number")
+        return Named(self.summary_file, "number", summary)
 
     def read_history(self) -> dict[str, NDArray[np.float64]]:
         """Columns of `history.csv` by header name, each (n,); see `history.read_history`."""
@@ -183,6 +188,32 @@ class RunFolder:
 
     def _own_files(self) -> Iterable[Path]:
         return [p for p in self.path.iterdir() if _OWN_FILES.fullmatch(p.name) and p.is_file()]
+
+
+_MEASURE = re.compile(r"_(j_m2|m_s|m2|pa|m|n|j|s)$|_cracks$|^broken_bars|^bars|^nodes|^steps")
+"""Names of a summary's numbers, which end in their unit, and of its counts."""
+
+
+def _is_number(value: Any) -> bool:
+    """Whether a value is a number, a list of two of them, or null, as a run writes them."""
+    if isinstance(value, list):
+        return all(type(item) in (int, float) for item in value)
+    return value is None or type(value) in (int, float)
+
+
+def read_scene(path: Path) -> Scene:
+    """The scene in a file that this program wrote.
+
+    Raises:
+        DamagedFile: it is no TOML file.
+        SceneError: it has been edited, and is no scene that can be run.
+    """
+    refuse_special(path)
+    try:
+        tables = load_tables(path)
+    except SceneError as error:
+        raise DamagedFile(str(error)) from None
+    return parse_scene(tables, path.name)
 
 
 def _plain(value: Any) -> Any:

@@ -24,7 +24,7 @@ from taichi_ldem.output.render.scales import Scale, damage_scale, scale_of
 from taichi_ldem.output.render.shading import centre, panel_image
 from taichi_ldem.output.render.surfaces import exterior, notched
 from taichi_ldem.output.render.views import VIEWS, Shot, View, view_of
-from taichi_ldem.scene import Scene, load_scene
+from taichi_ldem.scene import Scene
 from taichi_ldem.solver.backend import vulkan_device
 from taichi_ldem.storage.fields import Fields, read_fields
 from taichi_ldem.storage.folder import RunFolder
@@ -42,8 +42,8 @@ class _Run:
 
     @classmethod
     def read(cls, folder: RunFolder) -> _Run:
-        history = folder.read_history() if folder.history_file.is_file() else {}
-        return cls(folder, load_scene(folder.scene_file), history)
+        history = folder.read_history() if folder.history_file.exists() else {}
+        return cls(folder, folder.read_scene(), history)
 
     def fields(self, step: int) -> Fields:
         """Fields of a step; the modules that a notch cuts count as broken."""

@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 from taichi_ldem.errors import SceneError
 from taichi_ldem.output.render.names import EXIT_NO_DEVICE, milliseconds, shot_name, view_name
 from taichi_ldem.output.render.views import VIEWS, Shot
-from taichi_ldem.scene import load_scene
 from taichi_ldem.storage.fields import read_times
 from taichi_ldem.storage.folder import RunFolder
 
@@ -101,7 +100,7 @@ def render_shots_into(
     """
     if times is None:
         stored = read_times(folder.fields_file)
-        times = [*load_scene(folder.scene_file).output.image_times, *map(float, stored[-1:])]
+        times = [*folder.read_scene().output.image_times, *map(float, stored[-1:])]
     written = []
     with tempfile.TemporaryDirectory() as scratch:
         for time, picture in render_shot(folder, shot, Path(scratch), times):
@@ -116,7 +115,7 @@ def _steps(folder: RunFolder, times: Sequence[float] | None) -> list[tuple[int, 
     if not stored.size:
         return []
     if times is None:
-        times = [*load_scene(folder.scene_file).output.image_times, float(stored[-1])]
+        times = [*folder.read_scene().output.image_times, float(stored[-1])]
     _warn_of_other_times(stored, times)
     nearest = sorted({int(np.abs(stored - time).argmin()) for time in times})
     return [(step, float(stored[step])) for step in nearest]
