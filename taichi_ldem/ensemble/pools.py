@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -130,6 +131,10 @@ def local_workers(wanted: int | None, threads: int, scenes: list[Scene]) -> int:
     return min(wanted, len(scenes))
 
 
+_LOOPBACK = re.compile(r"^inproc://|//(127\.[0-9.]+|localhost|\[::1\])(:|/|$)")
+"""Addresses that only programs on the same machine reach."""
+
+
 class DaskPool:
     """Workers of any Dask scheduler.
 
@@ -146,10 +151,11 @@ class DaskPool:
             connect: Any = Client
             where = {"scheduler_file" if Path(address).is_file() else "address": address}
             self._client: Any = connect(**where, timeout=15, set_as_default=False)
+            self._address = str(self._client.scheduler.address)
         except (OSError, ValueError, TypeError) as error:
             reason = " ".join(str(error).split()) or type(error).__name__
             raise SceneError(f"--scheduler {address}: {reason}") from None
-        self._address, self._ensemble = address, ensemble
+        self._ensemble = ensemble
         self._ended = _Ended()
         self._tasks: dict[Any, Task] = {}
 
@@ -181,6 +187,8 @@ class DaskPool:
     def describe(self) -> str:  # noqa: D102
         workers = self._client.nthreads()
         text = f"{len(workers)} workers with {sum(workers.values())} places at {self._address}"
+        if not self._address.startswith("tls://") and not _LOOPBACK.search(self._address):
+            text += ", without TLS: whoever can reach it can run any code there"
         if "dashboard" in self._client.scheduler_info().get("services", {}):
             text += f", dashboard: {self._client.dashboard_link}"
         return text

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -12,9 +13,11 @@ from numpy.typing import NDArray
 
 from taichi_ldem.analysis.paper import is_papers_test
 from taichi_ldem.analysis.signals import SMOOTHING_WINDOW
+from taichi_ldem.errors import DamagedFile, SceneError
 from taichi_ldem.reading import Named
 from taichi_ldem.scenarios.registry import SCENARIOS
 from taichi_ldem.scene import Scene
+from taichi_ldem.storage.fields import fault_of
 from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.storage.history import finite_rows
 
@@ -111,3 +114,38 @@ class LoadedRun:
     def number(self, key: str) -> float | None:
         """A number of the summary; None where the run does not have it."""
         return number(self.summary, key)
+
+    def positive(self, key: str) -> float:
+        """A number of the summary that every such run has; DamagedFile where it is not above 0."""
+        value = self.number(key)
+        if value is None or not value > 0:
+            raise DamagedFile(f"'{self.folder.summary_file}': {key} is no number above 0")
+        return value
+
+    @cached_property
+    def fault(self) -> str:
+        """What is wrong with the fields, for the figures that are made from them; empty: nothing.
+
+        Raises:
+            DamagedFile: they cannot be read.
+        """
+        file = self.folder.fields_file
+        found = fault_of(file) if file.exists() else ""
+        return f"{file.name} is damaged: {found}" if found else ""
+
+    @contextmanager
+    def drawing(self, what: str) -> Iterator[None]:
+        """Draw from the run's files, which may be whole each and yet not fit together.
+
+        Raises:
+            DamagedFile: instead of any error of arithmetic, of a name or of a shape.
+        """
+        try:
+            yield
+        except SceneError:
+            raise
+        except (ArithmeticError, LookupError, TypeError, ValueError) as error:
+            raise DamagedFile(
+                f"'{self.folder.path}': {what} cannot be drawn, since its files do not fit "
+                f"together: {type(error).__name__}: {error}"
+            ) from error

@@ -23,12 +23,19 @@ from taichi_ldem.scene.tables import (
     Pulse,
     Solver,
 )
-from taichi_ldem.scene.values import OneOf, Table
+from taichi_ldem.scene.values import OneOf, Table, plain
 
 ScenarioName = Annotated[str, BeforeValidator(OneOf(checks.SCENARIOS))]
 
 
-class Scene(Table):
+class _OneLine(type(Table)):  # type: ignore[misc]
+    """Makes ``Scene(...)`` raise one line, as files of scenes do, not a list of all faults."""
+
+    def __call__(cls, **data: Any) -> Any:
+        return parse_scene(data)
+
+
+class Scene(Table, metaclass=_OneLine):
     """A complete scene. A table that is left out (None) is a feature that is left out."""
 
     scenario: ScenarioName = Field(
@@ -167,6 +174,7 @@ def parse_scene(
         SceneError: one line for the first fault; unknown keys come before wrong values.
     """
     try:
+        data = {key: plain(value) for key, value in data.items()}
         return Scene.model_validate(data)
     except ValidationError as error:
         # a misspelt key also shows up as a missing one: name the cause, not the consequence
@@ -178,6 +186,8 @@ def parse_scene(
         ):
             name = "command line"
         raise SceneError(f"{name}: {message}") from None
+    except RecursionError:  # a list that holds itself
+        raise SceneError(f"{name}: nested too deeply") from None
 
 
 def parse_scene_text(text: str, name: str) -> Scene:

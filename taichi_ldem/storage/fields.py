@@ -363,10 +363,16 @@ def fault_of(path: Path) -> str:
 
     Only the last step is looked at. Raises DamagedFile if the file is unreadable.
     """
-    found = [read_broken_bars(path).fault]
+    bars, found = read_broken_bars(path), []
     if len(read_times(path)):
-        found.append(read_fields(path).fault)
-    return "; ".join(filter(None, found))
+        fields = read_fields(path)
+        low, high = fields.points.min(axis=0), fields.points.max(axis=0)
+        near = 0.01 * (high - low).max()  # rounding
+        outside = ((bars.position_m < low - near) | (bars.position_m > high + near)).any(axis=1)
+        if outside.any():
+            found.append(f"{int(outside.sum())} broken bars lie outside of the plate")
+        found.append(fields.fault)
+    return "; ".join(filter(None, [bars.fault, *found]))
 
 
 def _times(file: Arrays) -> NDArray[np.float64]:

@@ -74,6 +74,25 @@ def read_history(path: Path) -> dict[str, NDArray[np.float64]]:
     Raises:
         DamagedFile: the file is no such table; a column that is asked for and is not there, too.
     """
+    names, table = _columns(path)
+    _refuse_rows(path, names, table)
+    return Named(path, "column", dict(zip(names, table.T, strict=True)))
+
+
+def read_table(path: Path) -> dict[str, NDArray[np.float64]]:
+    """Columns of a table of finite numbers by header name, each (n,); the first is time_s.
+
+    Raises:
+        DamagedFile: as for ``read_history``, and where the table has no rows.
+    """
+    names, table = _columns(path)
+    if not len(table) or not (np.abs(table) <= LARGEST).all():
+        raise DamagedFile(f"'{path}': it must have rows, and numbers in all of them")
+    return Named(path, "column", dict(zip(names, table.T, strict=True)))
+
+
+def _columns(path: Path) -> tuple[list[str], NDArray[np.float64]]:
+    """The names of a table's columns, and its rows (n, columns)."""
     text = read_text(path)
     lines = text[: text.rfind("\n") + 1].splitlines()
     names = lines[0].split(",") if lines else []
@@ -87,8 +106,7 @@ def read_history(path: Path) -> dict[str, NDArray[np.float64]]:
         raise DamagedFile(f"cannot read '{path}': {error}") from None
     if table.shape[1] != len(names):
         raise DamagedFile(f"'{path}': header and rows differ in length")
-    _refuse_rows(path, names, table)
-    return Named(path, "column", dict(zip(names, table.T, strict=True)))
+    return names, table
 
 
 def _refuse_rows(path: Path, names: Sequence[str], table: NDArray[np.float64]) -> None:

@@ -184,7 +184,7 @@ def structure(path: Path, rng: Rng) -> None:
         file.visit(names.append)
         name = names[rng.integers(len(names))]
         kind = rng.integers(9)
-        if kind == 0:
+        if kind == 0 and "VTKHDF/Steps" in file:
             steps = file["VTKHDF/Steps"].attrs
             steps["NSteps"] = (-1, 0, 10**6, np.nan, "x", np.arange(3))[rng.integers(6)]
         elif kind == 1:

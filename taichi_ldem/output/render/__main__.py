@@ -92,6 +92,9 @@ def _draw(
     behind = "behind the cut pale blue: faces, brown: walls of cracks" if view.faces_its_cut else ""
     explained = ";  ".join(filter(None, (bodies.caption(), behind)))
     figure.text(0.5, 0.936, explained, ha="center", va="center", fontsize=15)
+    if fields.fault:
+        note = f"{run.folder.fields_file.name} is damaged: {fields.fault}"
+        figure.text(0.5, 0.905, note, ha="center", va="center", fontsize=14, color="red")
     figure.savefig(picture, metadata=run.folder.picture_metadata())
 
 

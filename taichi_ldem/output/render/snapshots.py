@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from taichi_ldem.errors import SceneError
 from taichi_ldem.output.render.names import EXIT_NO_DEVICE, milliseconds, shot_name, view_name
 from taichi_ldem.output.render.views import VIEWS, Shot
-from taichi_ldem.storage.fields import read_times
+from taichi_ldem.storage.fields import read_fields, read_times
 from taichi_ldem.storage.folder import RunFolder
 
 NO_DEVICE = (
@@ -134,10 +134,28 @@ def _warn_of_other_times(stored: NDArray[np.float64], times: Sequence[float]) ->
             )
 
 
+def _read_ahead(folder: RunFolder, steps: Sequence[int]) -> None:
+    """Read what the child will read: a file that is damaged is refused here, by its name."""
+    folder.read_scene()
+    folder.processes()
+    if folder.history_file.exists():
+        folder.read_history()
+    for step in steps:
+        fields = read_fields(folder.fields_file, step)
+        if fields.fault:
+            name = f"'{folder.fields_file}' is damaged at {milliseconds(fields.time)} ms"
+            print(f"warning: {name}: {fields.fault}; the picture says so", file=sys.stderr)
+
+
 def _draw_in_child(
     folder: RunFolder, steps: Sequence[int], count: int, shot: str = "", into: Path | None = None
 ) -> str:
-    """Draw in a child process. Returns one line on what went wrong, or nothing."""
+    """Draw in a child process. Returns one line on what went wrong, or nothing.
+
+    Raises:
+        SceneError: a file of the run cannot be read.
+    """
+    _read_ahead(folder, steps)
     command = [
         sys.executable,
         "-m",

@@ -46,7 +46,9 @@ def write_report(folder: Path, out: Path | None = None, *, pictures: int = PICTU
     """
     template()  # a missing package ends the command before the pictures are drawn
     run = LoadedRun.read(_open(folder), most_rows=_MOST_ROWS)
-    return write_page(run_page(run, pictures), folder / "report.html" if out is None else out)
+    with run.drawing("the page"):
+        page = run_page(run, pictures)
+    return write_page(page, folder / "report.html" if out is None else out)
 
 
 def _open(path: Path) -> RunFolder:
@@ -71,7 +73,7 @@ def run_page(run: LoadedRun, pictures: int) -> Page:
             Table(list(implied(scene).items()), caption="What the inputs imply"),
             tables.keys(scene),
         ],
-        notes=warnings(scene),
+        notes=[*warnings(scene), *filter(None, [run.fault])],
         left_out=left_out(scene),
         scene=read_text(folder.scene_file),
         times=[float(t) for t in run.history.get("time_s", ())],
