@@ -27,6 +27,8 @@ else:
 
 MOST_DIGITS = 300
 """Digits of a whole number, beyond which no floating-point number is as large."""
+SMALL = 1 << 24
+"""Bytes of a file or an array that every machine has."""
 MOST_LEVELS = 32
 """Levels of tables and lists within each other."""
 
@@ -51,7 +53,7 @@ def refuse_special(path: Path) -> int:
 
 def refuse_large(size: int, path: Path) -> None:
     """Raise DamagedFile where so many bytes of a file do not fit into the memory."""
-    free = available_bytes()
+    free = available_bytes() if size > SMALL else None  # asking takes longer than reading little
     if free is not None and size > free / 2:
         raise DamagedFile(
             f"cannot read '{path}': {size:,} bytes, and {free:,} bytes of memory are available"

@@ -16,6 +16,7 @@ from taichi_ldem.analysis.signals import SMOOTHING_WINDOW
 from taichi_ldem.errors import DamagedFile, SceneError
 from taichi_ldem.reading import Named
 from taichi_ldem.scenarios.registry import SCENARIOS
+from taichi_ldem.scenarios.runner import columns
 from taichi_ldem.scene import Scene
 from taichi_ldem.storage.fields import fault_of
 from taichi_ldem.storage.folder import RunFolder
@@ -108,7 +109,13 @@ class LoadedRun:
         return measure_run(self.folder)
 
     def has(self, column: str) -> bool:
-        """Whether the history has a column, and a curve in it."""
+        """Whether the history has a column, and a curve in it.
+
+        Raises:
+            DamagedFile: runs of this scene write the column, and it is not there.
+        """
+        if self.rows > 1 and column not in self.history and column in columns(self.scene):
+            raise DamagedFile(f"'{self.folder.history_file}' has no column '{column}'")
         return len(self.history.get(column, ())) > 1
 
     def number(self, key: str) -> float | None:

@@ -18,7 +18,8 @@ class Arrays:
     """An HDF5 file of which only plain arrays are taken."""
 
     def __init__(self, file: h5py.File, path: Path) -> None:
-        self._file, self._path = file, path
+        self._path = path
+        self._groups: dict[str, Any] = {"": file}
 
     def item(self, name: str) -> Any:
         """A group or a dataset.
@@ -26,14 +27,20 @@ class Arrays:
         Raises:
             ValueError: it is not there, or is a link, which may lead to any other file.
         """
-        found: Any = self._file
-        for part in name.split("/"):
-            if not isinstance(found, h5py.Group) or part not in found:
+        folder, _, last = name.rpartition("/")
+        parent = self._groups.get(folder)
+        if parent is None:
+            parent = self.item(folder)
+            if not isinstance(parent, h5py.Group):
                 raise ValueError(f"it has no {name}")
-            if not isinstance(found.get(part, getlink=True), h5py.HardLink):
-                raise ValueError(f"{name} is a link")
-            found = found[part]
-        return found
+            self._groups[folder] = parent
+        try:
+            kind = parent.id.links.get_info(last.encode()).type
+        except (KeyError, RuntimeError):
+            raise ValueError(f"it has no {name}") from None
+        if kind != h5py.h5l.TYPE_HARD:
+            raise ValueError(f"{name} is a link")
+        return parent[last]
 
     def take(
         self,

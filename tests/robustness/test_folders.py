@@ -1,5 +1,9 @@
-"""Damaged folders: every reading command ends with one line, without a traceback and a hang."""
+"""Damaged folders: every reading command ends with one line, without a traceback and a hang.
 
+``pytest -m slow tests/robustness/test_folders.py`` takes 2100 mutations, the plain run 6.
+"""
+
+import os
 import shutil
 import signal
 import subprocess
@@ -7,6 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -17,6 +22,7 @@ from support.paths import ROOT
 from support.synthetic import synthetic_run
 
 from taichi_ldem.cli import main
+from taichi_ldem.ensemble import attempt
 from taichi_ldem.ensemble.attempt import FINISHED, Outcome, write_outcome
 from taichi_ldem.ensemble.plan import ATTEMPTS, MEMBERS, make_plan, write_plan
 from taichi_ldem.ensemble.report import report as report_ensemble
@@ -126,6 +132,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(subprocess, "run", process)
     monkeypatch.setattr(write, "_plotly", lambda: "")
     monkeypatch.setattr(runner, "_build", accepted)
+    monkeypatch.setattr(attempt, "_start", accepted)  # in a thread: its attempt has failed then
     monkeypatch.chdir(ROOT)
 
 
@@ -167,7 +174,7 @@ def verify(words: list[str], folder: Path, capsys: pytest.CaptureFixture[str]) -
 @pytest.mark.usefixtures("quick", "limited")
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.parametrize("kind", MAKERS)
-@pytest.mark.parametrize("count", [3, pytest.param(2000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [2, pytest.param(700, marks=pytest.mark.slow)])
 def test_damaged_folders(
     whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str, count: int
 ) -> None:
@@ -176,7 +183,8 @@ def test_damaged_folders(
     for words in COMMANDS[kind]:
         assert verify(words, folder, capsys) in (0, None)
     suffixes = (".json", ".csv", ".toml", ".vtkhdf", ".h5", ".md")
-    files = sorted(p.relative_to(folder) for p in folder.rglob("*") if p.suffix in suffixes)
+    files = sorted(p.relative_to(whole / kind) for p in (whole / kind).rglob("*.*"))
+    files = [file for file in files if file.suffix in suffixes]
     rng = np.random.default_rng(11)
     codes = []
     for number in range(count):
@@ -197,3 +205,124 @@ def restore(file: Path, whole: Path) -> None:
     else:
         file.unlink(missing_ok=True)
     shutil.copyfile(whole, file)
+
+
+def replaced(old: str, new: str) -> Callable[[Path], None]:
+    """Another text in a file."""
+
+    def change(path: Path) -> None:
+        text = path.read_text()
+        assert old in text
+        path.write_text(text.replace(old, new, 1), encoding="utf-8", errors="surrogatepass")
+
+    return change
+
+
+def piped(path: Path) -> None:
+    path.unlink()
+    os.mkfifo(path)
+
+
+def second_column(values: list[str]) -> Callable[[Path], None]:
+    """Other times in a history, one after the other and again from the first."""
+
+    def change(path: Path) -> None:
+        head, *lines = path.read_text().splitlines()
+        pieces = [line.partition(",")[2] for line in lines]
+        rows = [f"{values[n % len(values)]},{rest}" for n, rest in enumerate(pieces)]
+        path.write_text("\n".join([head, *rows]) + "\n")
+
+    return change
+
+
+def unequal(path: Path) -> None:
+    with h5py.File(path, "r+") as file:
+        file["BrokenBars/bar"].resize(5, axis=0)
+
+
+def not_finite(path: Path) -> None:
+    with h5py.File(path, "r+") as file:
+        file["VTKHDF/CellData/broken_fraction"][-1] = np.nan
+
+
+DAMAGES: list[tuple[str, Callable[[Path], None], str]] = [
+    ("history.csv", replaced("striker_force_n", "force"), "has no column 'striker_force_n'"),
+    ("history.csv", replaced("strain_j", "strain"), "has no column 'strain_j'"),
+    ("history.csv", second_column(["0.0"]), "is not later than the line before"),
+    ("history.csv", second_column(["nan"]), "time_s = nan"),
+    ("history.csv", replaced(",1.065,", ",nan,"), "nan, which no run writes there"),
+    ("history.csv", piped, "a pipe or a device, not a file"),
+    ("summary.json", replaced("605.0", "9" * 400), "a whole number of 400 digits"),
+    ("summary.json", replaced("605.0", "[" * 5000 + "]" * 5000), "nested too deeply"),
+    ("summary.json", replaced("605.0", '"\\ud800"'), "half of a character"),
+    ("summary.json", replaced("605.0", '"many"'), "first_peak_force_n is no number"),
+    ("summary.json", piped, "a pipe or a device, not a file"),
+    ("run.json", replaced("processes", "runs"), "has no list of processes"),
+    ("run.json", piped, "a pipe or a device, not a file"),
+    ("fields.vtkhdf", piped, "a pipe or a device, not a file"),
+    ("fields.vtkhdf", unequal, "its lists of broken bars have"),
+    ("fields.vtkhdf", not_finite, "values of broken_fraction are not finite"),
+    ("scene.toml", piped, "a pipe or a device, not a file"),
+    ("scene.toml", replaced("[plate]", "[plate"), "not valid TOML"),
+]
+
+
+@pytest.mark.usefixtures("quick", "limited")
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.parametrize(
+    ("command", "file", "change", "what"),
+    [(("plot", "report")[n % 2], *case) for n, case in enumerate(DAMAGES)],
+    ids=[what[:40] for _, _, what in DAMAGES],
+)
+def test_a_damaged_file_is_named(
+    whole: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    command: str,
+    file: str,
+    change: Callable[[Path], None],
+    what: str,
+) -> None:
+    shutil.copytree(whole / "run", tmp_path / "run")
+    change(tmp_path / "run" / file)
+    assert run([command], tmp_path / "run") == 1
+    (line,) = (text for text in capsys.readouterr().err.splitlines() if "warning" not in text)
+    assert line.startswith("error: ")
+    assert file in line
+    assert what in line
+
+
+@pytest.mark.usefixtures("quick", "limited")
+def test_a_mark_before_the_texts_of_a_folder_is_passed_over(
+    whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "run"
+    shutil.copytree(whole / "run", folder)
+    for name in ("scene.toml", "history.csv", "summary.json", "run.json"):
+        (folder / name).write_bytes(b"\xef\xbb\xbf" + (folder / name).read_bytes())
+    assert [run([command], folder) for command in ("plot", "report")] == [0, 0]
+
+
+@pytest.mark.usefixtures("quick", "limited")
+def test_figures_from_damaged_fields_say_so(
+    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "run"
+    shutil.copytree(whole / "run", folder)
+    unequal(folder / "fields.vtkhdf")
+    not_finite(folder / "fields.vtkhdf")
+    said: dict[str, bool] = {}
+
+    def save(figure: Figure, path: Path, **_: object) -> None:
+        texts = " ".join(text.get_text() for text in figure.texts)
+        said[Path(path).name] = "fields.vtkhdf is damaged: " in texts
+        _save(figure, path)
+
+    monkeypatch.setattr(Figure, "savefig", save)
+    assert run(["plot"], folder) == run(["render", "--time", "0.01"], folder) == 1
+    assert {name for name, found in said.items() if found} == {
+        *("crack_map.png", "cracks.png", "crack_growth.png"),
+        *(f"crack_10ms_{view}.png" for view in ("below", "above", "cut")),
+    }
+    assert run(["report", "--pictures", "0"], folder) == 1
+    assert "fields.vtkhdf is damaged: " in (folder / "report.html").read_text()
