@@ -186,6 +186,7 @@ def _outcome(record: dict[str, Any]) -> Outcome | None:
 def write_outcome(ensemble: Path, outcome: Outcome) -> None:
     """Record how an attempt ended."""
     file = record_file(ensemble, outcome.name, outcome.number)
+    file.parent.mkdir(exist_ok=True)  # an attempt may have failed before it made the folder
     write_whole(file, (json.dumps(asdict(outcome), indent=2) + "\n").encode())
 
 

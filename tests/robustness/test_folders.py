@@ -1,6 +1,6 @@
 """Damaged folders: every reading command ends with one line, without a traceback and a hang.
 
-``pytest -m slow tests/robustness/test_folders.py`` takes 2100 mutations, the plain run 6.
+``pytest -m slow tests/robustness/test_folders.py`` takes 2100 mutations, the plain run 5.
 """
 
 import os
@@ -59,9 +59,9 @@ def make_ensemble(path: Path) -> None:
 
 
 def make_paper(path: Path) -> None:
-    """A reproduction of two items, all of whose runs have finished."""
-    make_run(path / "runs" / "impact")
-    make_ensemble(path / "runs" / "ensemble")
+    """A reproduction of some items, whose runs are those of the folders beside it."""
+    shutil.copytree(path.parent / "run", path / "runs" / "impact")
+    shutil.copytree(path.parent / "ensemble", path / "runs" / "ensemble")
     (path / "paper.json").write_text('{"quick": false}')
 
 
@@ -173,8 +173,13 @@ def verify(words: list[str], folder: Path, capsys: pytest.CaptureFixture[str]) -
 
 @pytest.mark.usefixtures("quick", "limited")
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-@pytest.mark.parametrize("kind", MAKERS)
-@pytest.mark.parametrize("count", [2, pytest.param(700, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("kind", "count"),
+    [
+        *(("run", 2), ("ensemble", 1), ("paper", 2)),
+        *(pytest.param(kind, 700, marks=pytest.mark.slow) for kind in MAKERS),
+    ],
+)
 def test_damaged_folders(
     whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str, count: int
 ) -> None:
