@@ -101,13 +101,9 @@ def read_json(path: Path) -> Any:
     """
     text = read_text(path)
     try:
-        found = json.loads(text, parse_int=_whole, parse_float=_finite, parse_constant=_finite)
-        _refuse_odd(found)
-    except RecursionError:
-        raise DamagedFile(f"cannot read '{path}': nested too deeply") from None
+        return parse_json(text)
     except ValueError as error:
         raise DamagedFile(f"cannot read '{path}': {error}") from None
-    return found
 
 
 def read_object(path: Path) -> dict[str, Any]:
@@ -132,6 +128,16 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise DamagedFile(f"cannot read '{path}': nested too deeply") from None
     except ValueError as error:
         raise DamagedFile(f"cannot read '{path}': {error}") from None
+    return found
+
+
+def parse_json(text: str) -> Any:
+    """What a JSON text holds, as ``read_json`` returns it; ValueError for any other text."""
+    try:
+        found = json.loads(text, parse_int=_whole, parse_float=_finite, parse_constant=_finite)
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
+    _refuse_odd(found)
     return found
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import os
 import shlex
 from collections.abc import Mapping, Sequence
@@ -16,11 +15,12 @@ from taichi_ldem.ensemble.plan import MEMBERS
 from taichi_ldem.ensemble.results import FEWEST
 from taichi_ldem.ensemble.table3 import label
 from taichi_ldem.errors import DamagedFile
+from taichi_ldem.output.loaded import number
 from taichi_ldem.output.report.images import embedded
 from taichi_ldem.output.report.page import Link, Page, Picture, Table
 from taichi_ldem.output.report.tables import plain
 from taichi_ldem.output.report.write import write_page
-from taichi_ldem.reading import read_object, read_text
+from taichi_ldem.reading import parse_json, read_object, read_text
 
 _TABLE = "ensemble.csv"
 
@@ -89,7 +89,7 @@ def _cells(member: Mapping[str, str]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for key, cell in member.items():
         try:
-            found[key] = json.loads(cell) if cell else None
+            found[key] = parse_json(cell) if cell else None
         except ValueError:
             found[key] = cell
     return found
@@ -129,6 +129,8 @@ def ensemble_page(folder: Path, page: Path) -> Page:
     file = folder / "ensemble.json"
     if file.exists():
         record = read_object(file)
+        if not _is_record(record):
+            raise DamagedFile(f"'{file}' does not hold the statistics of an ensemble")
     asked = [(key, plain(value)) for key, value in record.get("asked", {}).items()]
     read = [_cells(member) for member in members]
     groups = [_group(group, starred=_starred(group, read)) for group in record.get("groups", [])]
@@ -138,7 +140,7 @@ def ensemble_page(folder: Path, page: Path) -> Page:
     ]
     identity = [(k, plain(record[k])) for k in ("version", "sha256") if record.get(k)]
     finished = record.get("finished", len(members))
-    spent = sum(float(row.get("wall_s") or 0.0) for row in members)
+    spent = sum(number(cells, "wall_s") or 0.0 for cells in read)
     cost = [("members", str(len(members))), ("stepping, all members", f"{spent:.0f} s")]
     return Page(
         title="Ensemble",
@@ -155,6 +157,32 @@ def ensemble_page(folder: Path, page: Path) -> Page:
         repeat=[Table(identity, caption="What wrote it")],
         commands=_commands(record.get("asked", {}), folder),
     )
+
+
+def _is_record(record: Mapping[str, Any]) -> bool:
+    """Whether a table of values has the parts of ``ensemble.json`` that the page shows."""
+    groups, failed = record.get("groups", []), record.get("not_finished", {})
+    if not isinstance(groups, list) or not all(isinstance(group, dict) for group in groups):
+        return False
+    inner = [group.get(key, {}) for group in groups for key in ("varied", "statistics")]
+    if not all(isinstance(part, dict) for part in (record.get("asked", {}), failed, *inner)):
+        return False
+    if not all(isinstance(member, dict) for member in failed.values()):
+        return False
+    statistics = [s for group in groups for s in group.get("statistics", {}).values()]
+    return all(isinstance(s, dict) and _are_statistics(s) for s in statistics)
+
+
+def _are_statistics(values: Mapping[str, Any]) -> bool:
+    """Whether these are the statistics of a number, as ``results.Statistics`` holds them."""
+    interval = values.get("interval", 0)
+    if interval is not None and not (isinstance(interval, list) and len(interval) == 2):
+        return False
+    numbers = [values.get(name) for name in ("count", "mean", "smallest", "largest")]
+    numbers += interval or []
+    deviation = values.get("standard_deviation", "")
+    numbers += [] if deviation is None else [deviation]
+    return all(type(value) in (int, float) for value in numbers)
 
 
 def _commands(asked: Mapping[str, Any], folder: Path) -> list[str]:

@@ -27,6 +27,7 @@ import numpy as np
 
 from taichi_ldem.model import material as mat
 from taichi_ldem.model.lattice import Lattice, prism
+from taichi_ldem.reading import read_object
 from taichi_ldem.scenarios.bend import notch_depth
 from taichi_ldem.scene import Scene, load_scene, parse_scene, scene_to_toml
 from taichi_ldem.studies import compliance
@@ -208,7 +209,7 @@ def read(specimens: Sequence[Specimen], base: Scene, folder: Path) -> list[Row]:
     for specimen in specimens:
         files = [folder / specimen.name / name for name in ("summary.json", "statics.json")]
         if all(file.exists() for file in files):
-            summary, static = (json.loads(file.read_text()) for file in files)
+            summary, static = map(read_object, files)
             rows.append(evaluate(specimen.scene(base), summary, static))
     return rows
 
@@ -336,7 +337,7 @@ def main() -> None:
     beams = [SPECIMENS[number] for number in options.specimens]
     specimens = [Specimen(*beam, spacing) for spacing in options.spacings for beam in beams]
     extra = ["--threads", str(options.threads)] if options.threads else []
-    finished = [json.loads((folder / "summary.json").read_text()) for folder in options.beside]
+    finished = [read_object(folder / "summary.json") for folder in options.beside]
     others = [row for numbers in finished for row in numbers["specimens"]]
     sys.exit(series(specimens, base, options.folder, extra, others))
 

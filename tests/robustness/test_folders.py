@@ -79,8 +79,8 @@ COMMANDS = {
         ["render", "--time", "1", "--view", "cut"],
     ),
     "ensemble": (
-        ["plot"],
         ["report"],
+        ["plot"],  # writes the tables again
         ["ensemble", str(SCENE), "--vary", "striker.velocity=2,3", "--resume", "--out"],
     ),
     "paper": (["paper", "--resume", "--only", "fig11,fig12,fig16", "--out"],),
