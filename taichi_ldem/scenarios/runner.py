@@ -175,6 +175,7 @@ def resume(
         latest = next(found, None)
         if latest is None:  # refused before Taichi is started
             raise SceneError(f"'{out}' has no checkpoint that can be resumed; run its scene again")
+        folder.processes()  # so is a record of them that is damaged
         started = time.perf_counter()
         simulation = _build(scene)
         recorder = _restored(folder, simulation, itertools.chain([latest], found))

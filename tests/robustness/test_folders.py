@@ -298,6 +298,26 @@ def test_a_damaged_file_is_named(
 
 
 @pytest.mark.usefixtures("quick", "limited")
+@pytest.mark.parametrize(
+    ("file", "change"),
+    [("run.json", piped), ("scene.toml", piped), ("run.json", replaced("{", "["))],
+)
+def test_a_run_is_resumed_from_whole_files_only(
+    whole: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    file: str,
+    change: Callable[[Path], None],
+) -> None:
+    words, folder = ["resume", "--extend", "0.001"], tmp_path / "run"
+    shutil.copytree(whole / "run", folder)
+    assert run(words, folder) is None  # it would go on
+    change(folder / file)
+    assert run(words, folder) == 1
+    assert file in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("quick", "limited")
 def test_a_mark_before_the_texts_of_a_folder_is_passed_over(
     whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
