@@ -78,13 +78,12 @@ def run(
         pool = DaskPool(how.scheduler, folder.absolute()) if how.scheduler else LocalPool(workers)
         try:
             plans.write_plan(plan, folder, how.threads)
-            by_scenario = commands or solver_commands(plan.members[0].scene.scenario)
             tables = Tables(plan, folder)
             conductor = Conductor(
                 plan,
                 folder,
                 pool,
-                by_scenario,
+                commands or solver_commands(plan.members[0].scene.scenario),
                 timeout=how.timeout,
                 console=console,
                 ended=tables.note,

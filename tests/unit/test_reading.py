@@ -1,4 +1,4 @@
-"""Files that may be damaged: one line with the file's name and what is wrong (items 10 and 11)."""
+"""Files that may be damaged: one line with the file's name and what is wrong."""
 
 import os
 import time

@@ -1,4 +1,4 @@
-"""What is varied: no value is dropped silently, and every value has a name of its own (item 5)."""
+"""What is varied: no value is dropped silently, and every value has a name of its own."""
 
 import pytest
 from support.members import SCENE

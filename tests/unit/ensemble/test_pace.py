@@ -1,4 +1,4 @@
-"""Ensembles of many members: what an attempt costs does not grow with their number (item 11)."""
+"""Ensembles of many members: what an attempt costs does not grow with their number."""
 
 import os
 import time

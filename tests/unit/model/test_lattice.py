@@ -175,7 +175,7 @@ def test_a_prism_cut_along_a_diagonal() -> None:
 
 
 def test_thousands_of_notches_look_at_the_bars_near_them_only(monkeypatch) -> None:
-    """5000 notches took minutes: each was compared with the whole lattice (item 11)."""
+    """5000 notches took minutes: each was compared with the whole lattice."""
     lattice = Lattice(np.ones((4, 9, 12), dtype=bool), 0.5)
     rng = np.random.default_rng(3)
     planes = []

@@ -1,4 +1,4 @@
-"""Checkpoints that no run wrote: refused before anything is allocated (item 11)."""
+"""Checkpoints that no run wrote: refused before anything is allocated."""
 
 import os
 import time
