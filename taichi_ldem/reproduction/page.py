@@ -52,6 +52,11 @@ def write(
         except (SceneError, OSError, StopIteration) as error:
             parts.append(f"Missing: {error or 'a file of the run is not there'}.\n")
             damaged |= {str(error): None} if isinstance(error, DamagedFile) else {}
+        except (ArithmeticError, LookupError, TypeError, ValueError) as error:
+            runs = ", ".join(f"'{context.folder(name)}'" for name in item.needs)
+            text = f"files of {runs} do not fit together: {type(error).__name__}: {error}"
+            parts.append(f"Missing: {text}.\n")
+            damaged[text] = None
     parts.append(_costs(context))
     return Report("".join(parts), tuple(damaged))
 

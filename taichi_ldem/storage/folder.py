@@ -178,7 +178,10 @@ class RunFolder:
         """The summary; empty where the run has not finished.  Raises SceneError if unreadable."""
         summary = read_object(self.summary_file) if self.summary_file.exists() else {}
         for key, value in summary.items():
-            if not _is_number(value) and _MEASURE.search(key):
+            if _LIST.search(key):
+                if not _are_numbers(value):
+                    raise DamagedFile(f"'{self.summary_file}': {key} is no list of numbers")
+            elif _MEASURE.search(key) and not _are_numbers([value]):
                 raise DamagedFile(f"'{self.summary_file}': {key} is no number")
         return Named(self.summary_file, "number", summary)
 
@@ -194,11 +197,14 @@ _MEASURE = re.compile(r"_(j_m2|m_s|m2|pa|m|n|j|s)$|_cracks$|^broken_bars|^bars|^
 """Names of a summary's numbers, which end in their unit, and of its counts."""
 
 
-def _is_number(value: Any) -> bool:
-    """Whether a value is a number, a list of two of them, or null, as a run writes them."""
-    if isinstance(value, list):
-        return all(type(item) in (int, float) for item in value)
-    return value is None or type(value) in (int, float)
+_LIST = re.compile(r"^(probes_m|frequencies_hz|residuals)$|_centre_m$")
+"""Names of its lists of numbers."""
+
+
+def _are_numbers(value: Any) -> bool:
+    """Whether a value is a list of numbers, or null; null may also stand in the list."""
+    kinds = (int, float, type(None))
+    return value is None or (isinstance(value, list) and all(type(item) in kinds for item in value))
 
 
 def read_scene(path: Path) -> Scene:

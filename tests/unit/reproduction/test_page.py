@@ -45,3 +45,18 @@ def test_table_2_averages_pairs(tmp_path: Path) -> None:
     assert "| mode (0, 0) [kHz] | 1.700 | 1.460 |  | +16 % from the paper |" in text
     assert "| mode (1, 0) [kHz] | 3.500 | 3.040 |" in text
     assert "| mode (0, 2) [kHz] | none | 11.850 |" in text
+
+
+def test_runs_whose_files_do_not_fit_together_are_named(tmp_path: Path) -> None:
+    folder = tmp_path / "runs/modes"
+    folder.mkdir(parents=True)
+    summary = {"names": ["(0, 0)"], "frequencies_hz": [1.7e3, 3.4e3]}
+    (folder / "summary.json").write_text(json.dumps(summary))
+    report = write(chosen("table2,fig10"), Context(tmp_path), {})
+    assert f"Missing: files of '{folder}' do not fit together: ValueError" in report.text
+    assert len(report.damaged) == 1
+    (folder / "summary.json").write_text("{")
+    report = write(chosen("table2"), Context(tmp_path), {})
+    assert [text.split(": ")[0] for text in report.damaged] == [
+        f"cannot read '{folder / 'summary.json'}'"
+    ]
