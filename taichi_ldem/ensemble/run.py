@@ -11,9 +11,10 @@ from rich.console import Console
 from taichi_ldem.ensemble import plan as plans
 from taichi_ldem.ensemble.attempt import Commands, Outcome, solver_commands
 from taichi_ldem.ensemble.conduct import Conductor
+from taichi_ldem.ensemble.pace import Paced
 from taichi_ldem.ensemble.plan import Plan
 from taichi_ldem.ensemble.pools import DaskPool, LocalPool, Pool, local_workers
-from taichi_ldem.ensemble.results import read_rows, write_statistics, write_table
+from taichi_ldem.ensemble.results import read_row, read_rows, write_tables
 from taichi_ldem.errors import ExitCode, SceneError
 from taichi_ldem.scenarios.interrupts import WORDS
 from taichi_ldem.scenarios.progress import make_console
@@ -79,18 +80,18 @@ def run(
         pool = DaskPool(how.scheduler, folder.absolute()) if how.scheduler else LocalPool(workers)
         try:
             plans.write_plan(plan, folder, how.threads)
-            by_scenario = commands or solver_commands(plan.members[0].scene.scenario)
-
-            def tables(_outcome: Outcome | None = None) -> None:
-                rows = read_rows(plan, folder)
-                write_table(plan, folder, rows)
-                write_statistics(plan, folder, rows)
-
-            tables()
+            tables = Tables(plan, folder)
             conductor = Conductor(
-                plan, folder, pool, by_scenario, timeout=how.timeout, console=console, ended=tables
+                plan,
+                folder,
+                pool,
+                commands or solver_commands(plan.members[0].scene.scenario),
+                timeout=how.timeout,
+                console=console,
+                ended=tables.note,
             )
             code = conductor.run()
+            tables.write()
         except BaseException:
             pool.stop(now=False)
             raise
@@ -105,6 +106,31 @@ def run(
     return code
 
 
+class Tables:
+    """The tables of an ensemble, kept up to date while its members run.
+
+    Only the member whose attempt has ended is read again, so that the cost of an attempt does not
+    grow with the number of members.
+    """
+
+    def __init__(self, plan: Plan, folder: Path) -> None:
+        self._plan, self._folder = plan, folder
+        self._members = {member.name: member for member in plan.members}
+        self._rows = {row.member.name: row for row in read_rows(plan, folder)}
+        self._write = Paced(self.write)
+        self._write()
+
+    def note(self, outcome: Outcome) -> None:
+        """Take up how an attempt ended, and write the tables where they do not take too long."""
+        member = self._members[outcome.name]
+        self._rows[member.name] = read_row(member, self._folder)
+        self._write()
+
+    def write(self) -> None:
+        """Write the tables."""
+        write_tables(self._plan, self._folder, list(self._rows.values()))
+
+
 def check(plan: Plan, folder: Path, *, resume: bool) -> None:
     """Check that ``run`` accepts the folder; nothing is changed.
 
@@ -114,7 +140,7 @@ def check(plan: Plan, folder: Path, *, resume: bool) -> None:
     if resume:
         plans.refuse_other_plan(plan, folder)
         return
-    if (folder / plans.RECORD).is_file():
+    if (folder / plans.RECORD).exists():
         raise SceneError(f"'{folder}' holds an ensemble already; --resume continues it")
     if folder.is_dir() and any(path.name != LOCK for path in folder.iterdir()):
         raise SceneError(f"'{folder}' is not empty; give another folder with --out")
