@@ -43,6 +43,7 @@ def make_run(path: Path) -> None:
     history = [{"time_s": 0.1 * n, "broken_bars": n} for n in range(3)]
     checkpoint = cp.Checkpoint(run.read_scene(), state, history, 0.2, 1.0, 3, 0)
     (path / cp.LATEST).write_bytes(cp.encode(checkpoint))
+    run.claim(["force.png"])
     (path / "force.png").write_bytes(b"picture")
 
 
