@@ -98,11 +98,6 @@ def run(
         finally:
             pool.close()
         _tell_end(console, folder, conductor, code)
-        if code in ENDED:
-            from taichi_ldem.ensemble.report import report
-
-            for file in report(folder):
-                console.print(f"wrote {file}")
     return code
 
 
@@ -156,6 +151,10 @@ def _tell_end(console: Console, folder: Path, conductor: Conductor, code: int) -
         )
     else:
         console.print(f"results in {folder}")
+        from taichi_ldem.ensemble.report import report
+
+        for file in report(folder):
+            console.print(f"wrote {file}")
 
 
 def default_folder(scene_file: Path) -> Path:

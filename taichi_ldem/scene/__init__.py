@@ -17,15 +17,14 @@ from taichi_ldem.scene.scene import (
     parse_scene_text,
     scene_to_toml,
 )
+from taichi_ldem.scene.specimen import Notch, Plate
 from taichi_ldem.scene.tables import (
     DISORDERED,
     LARGEST_CV,
     Disorder,
     Material,
     Modes,
-    Notch,
     Output,
-    Plate,
     Pulse,
     Solver,
 )

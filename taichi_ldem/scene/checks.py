@@ -19,7 +19,7 @@ from taichi_ldem.scene.weibull import strength_by_volume
 
 if TYPE_CHECKING:
     from taichi_ldem.scene.scene import Scene
-    from taichi_ldem.scene.tables import Notch
+    from taichi_ldem.scene.specimen import Notch
 
 MAX_SAMPLES = 10**7
 MAX_FRAMES = 10**4

@@ -14,13 +14,12 @@ from taichi_ldem.errors import SceneError
 from taichi_ldem.scene import checks, load, messages
 from taichi_ldem.scene.bodies import Clamp, Grips, Striker, Supports
 from taichi_ldem.scene.schema import tables_of
+from taichi_ldem.scene.specimen import Notch, Plate
 from taichi_ldem.scene.tables import (
     Disorder,
     Material,
     Modes,
-    Notch,
     Output,
-    Plate,
     Pulse,
     Solver,
 )
