@@ -22,7 +22,8 @@ import numpy.typing as npt
 
 from taichi_ldem.analysis.cracks import RadialCrack
 from taichi_ldem.ensemble.attempt import FINISHED
-from taichi_ldem.ensemble.plan import CV, MEMBERS, SEED, read_plan
+from taichi_ldem.ensemble.axes import CV, SEED
+from taichi_ldem.ensemble.plan import MEMBERS, read_plan
 from taichi_ldem.ensemble.results import Row, read_rows, statistics
 from taichi_ldem.errors import SceneError
 from taichi_ldem.scenarios.measure import measure_run

@@ -49,7 +49,7 @@ def cluster(folder: Path, workers: int) -> Iterator[tuple[str, list[subprocess.P
             address = _address(contact_file)
             command = (sys.executable, "-m", "distributed.cli.dask_worker", address)
             place = ["--no-nanny", "--nthreads", "1", "--no-dashboard"]
-            place += ["--local-directory", str(folder)]
+            place += ["--host", "127.0.0.1", "--local-directory", str(folder)]
             for _ in range(workers):
                 processes.append(subprocess.Popen([*command, *place], stdout=log, stderr=log))
             yield address, processes[1:]

@@ -14,8 +14,12 @@ plain arrays of the nodes that exist, and gives the memory back at the end.
 from __future__ import annotations
 
 import gc
+import math
+import operator
+import threading
 import weakref
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -37,6 +41,27 @@ if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation as Engine
 
 FloatArray = NDArray[np.float64]
+
+_TAICHI = threading.RLock()
+"""Held while Taichi works for a simulation: it has one state a process, and no locks of its own."""
+
+
+@contextmanager
+def _alone() -> Iterator[None]:
+    """Keep other threads from Taichi; the same thread may enter again, as callbacks do.
+
+    Raises:
+        RuntimeError: another thread is using it.
+    """
+    if not _TAICHI.acquire(blocking=False):
+        raise RuntimeError(
+            "another thread is using a simulation, and Taichi has one state a process: let one "
+            "thread work at a time, or give each simulation a process of its own"
+        )
+    try:
+        yield
+    finally:
+        _TAICHI.release()
 
 
 @dataclass(frozen=True)
@@ -61,12 +86,16 @@ class Simulation:
     theirs, and memory is freed by the next simulation without ``beside``. Arrays taken from a
     simulation are copies and remain valid.
 
+    One thread works with simulations at a time; another one is refused meanwhile. A simulation that
+    a thread has left open is closed from that thread only, as long as the thread lives.
+
     Args:
         scene: a scene, its tables as a mapping, or a scene file.
         beside: keep the open simulations open.
 
     Raises:
         SceneError: the scene cannot be run; the message is one line.
+        RuntimeError: another thread is using a simulation, or has left one open.
     """
 
     _open: ClassVar[weakref.WeakSet[Simulation]] = weakref.WeakSet()
@@ -81,6 +110,10 @@ class Simulation:
                 "taichi_ldem.run(scene, folder)"
             )
         refuse_too_large(self.scene)
+        with _alone():
+            self._build(beside)
+
+    def _build(self, beside: bool) -> None:
         solver = self.scene.solver
         wanted = (solver.arch, solver.precision, solver.threads)
         if beside and Simulation._open:
@@ -90,12 +123,14 @@ class Simulation:
                     "that stays open"
                 )
         else:
+            _refuse_other_threads()
             close_all()
             backend.start(solver)
             Simulation._running = wanted
         # not at the top: it has kernels, and Taichi must have been started
         engine = import_module("taichi_ldem.solver.simulation")
         self._engine = engine.Simulation(self.scene)
+        self._thread = threading.current_thread()
         Simulation._open.add(self)
         self._callbacks: list[Callable[[Simulation, Sample], object]] = []
         self._stopped = False
@@ -137,20 +172,25 @@ class Simulation:
 
     def step(self, count: int = 1) -> None:
         """Take a number of time steps without measuring energies or forces."""
-        if count < 0:
+        if operator.index(count) < 0:
             raise ValueError(f"count = {count}: must not be negative")
-        self.engine.advance(count)
+        with _alone():
+            self.engine.advance(operator.index(count))
 
     def sample(self) -> Sample:
         """Take one step, measure energies and forces at its start, and add them to the history.
 
         A force is the impulse since the last sample over the time since then.
         """
-        sample = self.engine.sample_step()
+        with _alone():
+            sample = self.engine.sample_step()
+            self._take(sample)
+        return sample
+
+    def _take(self, sample: Sample) -> None:
         self._samples.append(sample)
         for callback in list(self._callbacks):
             callback(self, sample)
-        return sample
 
     def run(self, until: float | None = None) -> dict[str, FloatArray]:
         """Step until a time, with a sample each ``output.history_interval``; return the history.
@@ -158,21 +198,25 @@ class Simulation:
         A later call continues from there.
 
         Args:
-            until: time at which to stop, s; None: the scene's end.
+            until: time at which to stop, s; None: the scene's end. Where it has passed, nothing is
+                done.
 
         Raises:
+            ValueError: ``until`` is not a number.
             SimulationStopped: the state is not finite, or the energy error is above 5 %.
         """
-        self._stopped = False
+        end = math.inf if until is None else float(until)
+        if math.isnan(end):
+            raise ValueError(f"until = {until}: must be a time in seconds")
         engine = self.engine
-        for sample in engine.samples():
-            self._samples.append(sample)
-            for callback in list(self._callbacks):
-                callback(self, sample)
-            past = until is not None and sample.time >= until - 0.5 * engine.time_step
-            if past or self._stopped:
-                engine.guard(sample)
-                break
+        half = 0.5 * engine.time_step
+        with _alone():
+            self._stopped = False
+            for sample in engine.samples() if engine.time <= end + half else ():
+                self._take(sample)
+                if sample.time >= end - half or self._stopped:
+                    engine.guard(sample)
+                    break
         return self.history
 
     def on_sample(
@@ -209,14 +253,22 @@ class Simulation:
         return self._places.copy()
 
     @property
+    def masses(self) -> FloatArray:
+        """(n,) masses of the nodes, kg, in the order of ``positions``."""
+        with _alone():
+            return np.asarray(self.engine.dynamics.masses()[self._exists])
+
+    @property
     def displacement(self) -> FloatArray:
         """(n, 3) displacement of the nodes at ``time``, m."""
-        return np.asarray(self.engine.displacement()[self._exists])
+        with _alone():
+            return np.asarray(self.engine.displacement()[self._exists])
 
     @property
     def velocity(self) -> FloatArray:
         """(n, 3) velocity of the nodes half a step before ``time``, m/s."""
-        return np.asarray(self.engine.dynamics.get_velocity()[self._exists])
+        with _alone():
+            return np.asarray(self.engine.dynamics.get_velocity()[self._exists])
 
     @property
     def broken_fraction(self) -> FloatArray:
@@ -227,8 +279,9 @@ class Simulation:
         engine = self.engine
         if not self.scene.material.damage:
             return np.zeros(engine.dynamics.lattice.mask.shape)
-        self._note_broken()
-        return engine.broken_fraction()
+        with _alone():
+            self._note_broken()
+            return engine.broken_fraction()
 
     @property
     def broken_bars(self) -> BrokenBars:
@@ -237,8 +290,9 @@ class Simulation:
         lattice = engine.dynamics.lattice
         if not self.scene.material.damage:
             return BrokenBars(np.zeros((0, 3)), np.zeros(0, dtype=np.int64))
-        self._note_broken()
-        recorded = engine.dynamics.recorded_bits()
+        with _alone():
+            self._note_broken()
+            recorded = engine.dynamics.recorded_bits()
         found = [np.argwhere(recorded >> bar & 1) for bar in range(14)]
         bar = np.repeat(np.arange(14), [len(sites) for sites in found])
         return BrokenBars(lattice.bar_midpoints(np.concatenate(found), bar), bar)
@@ -252,10 +306,11 @@ class Simulation:
         """Close the simulation; memory is freed when no other one is open. It may be repeated."""
         if self._engine is None:
             return
-        self._engine = None
-        Simulation._open.discard(self)
-        if not Simulation._open:
-            _reset()
+        with _alone():
+            self._engine = None
+            Simulation._open.discard(self)
+            if not Simulation._open:
+                _reset()
 
     def __enter__(self) -> Simulation:
         return self
@@ -284,6 +339,17 @@ def as_scene(scene: Scene | Mapping[str, Any] | str | Path) -> Scene:
     if isinstance(scene, Mapping):
         return parse_scene(scene)
     return load_scene(scene)
+
+
+def _refuse_other_threads() -> None:
+    """Raise RuntimeError where another thread that lives has left a simulation open."""
+    for simulation in list(Simulation._open):
+        owner = simulation._thread
+        if owner is not threading.current_thread() and owner.is_alive():
+            raise RuntimeError(
+                f"a simulation is open in the thread '{owner.name}', and Taichi has one state a "
+                "process: close it there first, or give each simulation a process of its own"
+            )
 
 
 def close_all() -> None:
@@ -345,7 +411,8 @@ def run(
 
     Raises:
         SceneError: the scene or the folder cannot be used.
-        RuntimeError: the run did not finish; its exit code is in the message.
+        RuntimeError: the run did not finish; its exit code is in the message. Or another thread
+            is using a simulation.
     """
     from taichi_ldem.scenarios import launch
 
@@ -353,8 +420,9 @@ def run(
     entry = entry_of(given)
     if isinstance(scene, (str, Path)):
         RunFolder.check(Path(out), force=force, files=entry.writes, source=Path(scene))
-    close_all()
-    with courteous():
+    with _alone(), courteous():
+        _refuse_other_threads()
+        close_all()
         code = launch.run(entry, given, Path(out), force=force, quiet=quiet, draw=draw_run)
     if code:
         raise RuntimeError(f"the run in '{out}' ended with exit code {int(code)}")

@@ -8,7 +8,7 @@ class ExitCode(IntEnum):
 
     DONE = 0
     FILE_ERROR = 1
-    """A file could not be read or written."""
+    """A file could not be read or written, or was damaged."""
     BAD_INPUT = 2
     STOPPED = 3
     """The run-time guard stopped the run."""
@@ -30,6 +30,10 @@ class SceneError(ValueError):
         printable = "".join(c if c.isprintable() else " " for c in message[:2000])
         line = " ".join(printable.split())
         super().__init__(line if len(line) <= 1000 else f"{line[:996]} ...")
+
+
+class DamagedFile(SceneError):
+    """A file of a run that is damaged or was edited; ``str(error)`` names it and what is wrong."""
 
 
 class SceneNote(UserWarning):

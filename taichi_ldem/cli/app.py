@@ -11,7 +11,7 @@ from typing import Any
 import typer
 
 from taichi_ldem.cli import ensemble, notes, paper, run, show, study
-from taichi_ldem.errors import ExitCode, SceneError
+from taichi_ldem.errors import DamagedFile, ExitCode, SceneError
 from taichi_ldem.scenarios.interrupts import WORDS, Signalled
 from taichi_ldem.streams import courteous
 
@@ -58,6 +58,8 @@ def _run(arguments: list[str]) -> int:
         code = ExitCode(128 + signalled.number)
         print(f"{WORDS[code]}; what has been written is kept", file=sys.stderr)
         return code
+    except DamagedFile as error:
+        return _complain(str(error), ExitCode.FILE_ERROR)
     except SceneError as error:
         return _complain(str(error), ExitCode.BAD_INPUT)
     except OSError as error:

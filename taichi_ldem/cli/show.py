@@ -1,11 +1,14 @@
 """The commands that show a scene or a run: `info`, `render`, `plot`, `report`."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from taichi_ldem.cli.options import Folder, SceneFile, Settings, list_files, read_scene_to_run
+
+if TYPE_CHECKING:
+    from taichi_ldem.storage.folder import RunFolder
 
 
 def register(app: typer.Typer) -> None:
@@ -92,6 +95,7 @@ def render(
         list_files(render_shots_into(run, shot, time or None))
     else:
         list_files(render_run(run, time or None))
+    refuse_damaged(run)
 
 
 def plot(folder: Folder) -> None:
@@ -101,8 +105,12 @@ def plot(folder: Folder) -> None:
     from taichi_ldem.output.figures.run import plot_run
     from taichi_ldem.storage.folder import RunFolder
 
-    ensemble = is_ensemble(folder)
-    list_files(report_ensemble(folder) if ensemble else plot_run(RunFolder.open(folder)))
+    if is_ensemble(folder):
+        list_files(report_ensemble(folder))
+        return
+    run = RunFolder.open(folder)
+    list_files(plot_run(run))
+    refuse_damaged(run)
 
 
 def report(
@@ -120,8 +128,24 @@ def report(
     """Write one HTML page about a run or an ensemble; it opens from disk, without a network."""
     from taichi_ldem.ensemble import page
     from taichi_ldem.output.report.run import write_report
+    from taichi_ldem.storage.folder import RunFolder
 
     if page.has_members(folder):
         typer.echo(page.write_report(folder, out))
     else:
         typer.echo(write_report(folder, out, pictures=pictures))
+        refuse_damaged(RunFolder(folder))
+
+
+def refuse_damaged(run: "RunFolder") -> None:
+    """End with an error after figures were drawn from damaged fields, which they say themselves.
+
+    Raises:
+        DamagedFile: values of the fields are impossible, or not finite.
+    """
+    from taichi_ldem.errors import DamagedFile
+    from taichi_ldem.storage.fields import fault_of
+
+    fault = fault_of(run.fields_file) if run.fields_file.exists() else ""
+    if fault:
+        raise DamagedFile(f"'{run.fields_file}' is damaged: {fault}; the figures say so")

@@ -9,6 +9,7 @@ the attempt a second time, because a worker died, therefore does not run the mem
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import signal
@@ -24,6 +25,7 @@ from typing import Any
 
 from taichi_ldem.ensemble.plan import ATTEMPTS, MEMBERS, SCENES
 from taichi_ldem.errors import SceneError
+from taichi_ldem.reading import read_object
 from taichi_ldem.scenarios.child import tied
 from taichi_ldem.scenarios.registry import SCENARIOS
 from taichi_ldem.storage.durable import refuse_locked, write_whole
@@ -110,7 +112,7 @@ class Task:
 
     def record_file(self, ending: str = "json") -> Path:
         """The attempt's record; with "out" and "err" the output of its child."""
-        return Path(self.ensemble, ATTEMPTS, f"{self.name}.{self.number}.{ending}")
+        return record_file(Path(self.ensemble), self.name, self.number, ending)
 
 
 @dataclass(frozen=True)
@@ -147,21 +149,55 @@ def is_finished(folder: Path) -> bool:
     return RunFolder(folder).summary_file.is_file()
 
 
+def record_file(ensemble: Path, name: str, number: int, ending: str = "json") -> Path:
+    """The record of an attempt; with "out" and "err" the output of its child."""
+    return Path(ensemble, ATTEMPTS, f"{name}.{number}.{ending}")
+
+
+def next_number(ensemble: Path, name: str) -> int:
+    """The number of the next attempt at a member."""
+    return next(n for n in itertools.count(1) if not record_file(ensemble, name, n).exists())
+
+
 def read_attempts(ensemble: Path, name: str) -> list[Outcome]:
     """The recorded attempts at a member, in order; a record that cannot be read is left out."""
     found = []
-    for file in Path(ensemble, ATTEMPTS).glob(f"{name}.*.json"):
-        number = file.name[len(name) + 1 : -len(".json")]
-        if number.isdecimal():
-            with contextlib.suppress(OSError, ValueError, TypeError):
-                found.append(Outcome(**json.loads(file.read_text(encoding="utf-8"))))
-    found = [outcome for outcome in found if outcome.name == name]
-    return sorted(found, key=lambda outcome: outcome.number)
+    for number in range(1, next_number(ensemble, name)):
+        with contextlib.suppress(SceneError):
+            outcome = _outcome(read_object(record_file(ensemble, name, number)))
+            if outcome is not None and (outcome.name, outcome.number) == (name, number):
+                found.append(outcome)
+    return found
+
+
+_KINDS: dict[str, tuple[type, ...]] = {
+    "name": (str,),
+    "number": (int,),
+    "state": (str,),
+    "reason": (str,),
+    "how": (str,),
+    "exit_code": (int, type(None)),
+    "last_error": (str,),
+    "begun": (str,),
+    "seconds": (int, float),
+    "host": (str,),
+    "process": (int,),
+}
+"""Types of an outcome's values in its record."""
+
+
+def _outcome(record: dict[str, Any]) -> Outcome | None:
+    """The outcome that a record holds; None where something else stands there."""
+    whole = {"name", "number", "state"} <= record.keys() <= _KINDS.keys()
+    if whole and all(type(value) in _KINDS[key] for key, value in record.items()):
+        return Outcome(**record)
+    return None
 
 
 def write_outcome(ensemble: Path, outcome: Outcome) -> None:
     """Record how an attempt ended."""
-    file = Path(ensemble, ATTEMPTS, f"{outcome.name}.{outcome.number}.json")
+    file = record_file(ensemble, outcome.name, outcome.number)
+    file.parent.mkdir(exist_ok=True)  # an attempt may have failed before it made the folder
     write_whole(file, (json.dumps(asdict(outcome), indent=2) + "\n").encode())
 
 

@@ -21,13 +21,16 @@ from taichi_ldem.ensemble.attempt import (
     Outcome,
     Task,
     is_finished,
+    next_number,
     read_attempts,
     stop_file,
     write_outcome,
 )
+from taichi_ldem.ensemble.pace import Paced
 from taichi_ldem.ensemble.plan import MEMBERS, Member, Plan
 from taichi_ldem.ensemble.pools import Pool
 from taichi_ldem.errors import ExitCode
+from taichi_ldem.reading import refuse_special
 from taichi_ldem.scenarios.interrupts import signals_call
 from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.storage.place import identity, refuse_moved
@@ -70,6 +73,9 @@ class Conductor:
         self.open: set[str] = set()
         self.failed: list[Outcome] = []
         self.signal: int | None = None
+        self.left: dict[str, Member] = {}
+        self._begun = 0.0
+        self._look = Paced(self._add_up)
 
     def run(self) -> int:
         """Run what is not finished.
@@ -82,13 +88,14 @@ class Conductor:
                 have to be ended; they keep their own folders.
         """
         stop_file(self.folder).unlink(missing_ok=True)
-        waiting = [m for m in self.plan.members if not is_finished(self.folder / MEMBERS / m.name)]
+        folders = self.folder / MEMBERS
+        self.left = {m.name: m for m in self.plan.members if not is_finished(folders / m.name)}
         count = len(self.plan.members)
-        done = count - len(waiting)
+        done = count - len(self.left)
         self.console.print(f"{count} members, {done} finished already; {self.pool.describe()}")
-        for member in waiting:
-            self._submit(member.name)
         with signals_call(self._stop), self._progress() as show:
+            for name in self.left:
+                self._submit(name)
             while self.open:
                 refuse_moved(self.folder)
                 for outcome in self.pool.ended(1.0):
@@ -100,10 +107,10 @@ class Conductor:
 
     def _submit(self, name: str) -> None:
         earlier = read_attempts(self.folder, name)
-        number = earlier[-1].number + 1 if earlier else 1
-        # a resume is refused e.g. where all checkpoints are damaged
-        refusal = ("resumed", ExitCode.BAD_INPUT)
-        refused = bool(earlier) and (earlier[-1].how, earlier[-1].exit_code) == refusal
+        number = next_number(self.folder, name)
+        # a resume is refused e.g. where all checkpoints, or the scene, are damaged
+        last = (earlier[-1].how, earlier[-1].exit_code) if earlier else ("", None)
+        refused = last in (("resumed", ExitCode.BAD_INPUT), ("resumed", ExitCode.FILE_ERROR))
         self.tries[name] = self.tries.get(name, 0) + 1
         self.open.add(name)
         here = self.identity if self.pool.local else None
@@ -118,6 +125,7 @@ class Conductor:
             outcome = self._recorded(outcome)
         self.ended(outcome)
         if outcome.state == FINISHED:
+            self.left.pop(name, None)
             return f"{name}: finished, {outcome.seconds:.0f} s"
         line = f"{name}: attempt {outcome.number} {outcome.state}: {outcome.reason}"
         if self.signal is not None:
@@ -150,6 +158,7 @@ class Conductor:
     @contextlib.contextmanager
     def _progress(self) -> Iterator[Callable[[str | None], None]]:
         """A function that prints a line about an outcome and updates the progress."""
+        self._look()
         begun, first = time.monotonic(), self.done_share()
         if self.console.is_terminal and not self.console.quiet:
             columns = (TextColumn("{task.description}"), BarColumn())
@@ -177,10 +186,10 @@ class Conductor:
         bar.update(task, description=self._text(begun, first), completed=self.done_share())
 
     def _text(self, begun: float, first: float) -> str:
-        share = [self._share(member) for member in self.plan.members]
-        whole, elapsed = sum(share) / len(share), time.monotonic() - begun
-        done = sum(part == 1.0 for part in share)
-        text = f"{done} of {len(share)} done, {len(self.failed)} failed"
+        self._look()
+        whole, elapsed = self.done_share(), time.monotonic() - begun
+        count = len(self.plan.members)
+        text = f"{count - len(self.left)} of {count} done, {len(self.failed)} failed"
         if self.signal is not None:
             return f"{text}, stopping"
         if self.open and whole > first:
@@ -188,14 +197,16 @@ class Conductor:
         return text
 
     def done_share(self) -> float:
-        """Share of all members' simulated time that is done, 0 to 1."""
-        members = self.plan.members
-        return sum(self._share(member) for member in members) / len(members)
+        """Share of all members' simulated time that is done, 0 to 1, as far as it is known."""
+        count = len(self.plan.members)
+        return (count - len(self.left) + min(self._begun, len(self.left))) / count
+
+    def _add_up(self) -> None:
+        """Look at how far the members that have begun have come."""
+        self._begun = sum(map(self._share, self.left.values()))
 
     def _share(self, member: Member) -> float:
         folder = self.folder / MEMBERS / member.name
-        if is_finished(folder):
-            return 1.0
         reached = reached_time(RunFolder(folder).history_file)
         return min(0.999, reached / member.scene.solver.duration)
 
@@ -203,6 +214,7 @@ class Conductor:
 def reached_time(history_file: Path) -> float:
     """Time of the last whole row of a history, s; 0 without one."""
     with contextlib.suppress(OSError, ValueError):
+        refuse_special(history_file)
         with open(history_file, "rb") as file:
             file.seek(max(0, os.fstat(file.fileno()).st_size - 4096))
             lines = file.read().split(b"\n")[:-1]

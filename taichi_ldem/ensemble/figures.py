@@ -17,7 +17,8 @@ from taichi_ldem.analysis.paper import is_papers_test
 from taichi_ldem.analysis.signals import smooth_force
 from taichi_ldem.analysis.window import in_words, smoothing_window
 from taichi_ldem.ensemble.attempt import FINISHED
-from taichi_ldem.ensemble.plan import CV, MEMBERS, SEED
+from taichi_ldem.ensemble.axes import CV, SEED
+from taichi_ldem.ensemble.plan import MEMBERS
 from taichi_ldem.ensemble.results import Row, groups, numbers_of
 from taichi_ldem.ensemble.table3 import label
 from taichi_ldem.output.curves.forces import experiments_force, papers_velocity

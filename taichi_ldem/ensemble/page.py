@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import os
 import shlex
 from collections.abc import Mapping, Sequence
@@ -15,18 +14,20 @@ from taichi_ldem.analysis.quantities import AT_T2, MEASURED_AT_END, at_end, name
 from taichi_ldem.ensemble.plan import MEMBERS
 from taichi_ldem.ensemble.results import FEWEST
 from taichi_ldem.ensemble.table3 import label
-from taichi_ldem.errors import SceneError
+from taichi_ldem.errors import DamagedFile
+from taichi_ldem.output.loaded import number
 from taichi_ldem.output.report.images import embedded
 from taichi_ldem.output.report.page import Link, Page, Picture, Table
 from taichi_ldem.output.report.tables import plain
 from taichi_ldem.output.report.write import write_page
+from taichi_ldem.reading import parse_json, read_object, read_text
 
 _TABLE = "ensemble.csv"
 
 
 def has_members(folder: Path) -> bool:
     """Whether a folder holds the table of an ensemble's members."""
-    return (folder / _TABLE).is_file()
+    return (folder / _TABLE).exists()
 
 
 def write_report(folder: Path, out: Path | None = None) -> Path:
@@ -55,7 +56,11 @@ _ACROSS = 10
 
 
 def _csv_rows(file: Path) -> list[dict[str, str]]:
-    return list(csv.DictReader(io.StringIO(file.read_text(encoding="utf-8"))))
+    rows = list(csv.DictReader(io.StringIO(read_text(file)), strict=True))
+    for place, row in enumerate(rows):
+        if None in row or None in row.values() or "name" not in row:
+            raise DamagedFile(f"'{file}': row {place + 1} does not fit its header")
+    return rows
 
 
 def _member_tables(members: Sequence[Mapping[str, str]], folder: Path, page: Path) -> list[Table]:
@@ -84,7 +89,7 @@ def _cells(member: Mapping[str, str]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for key, cell in member.items():
         try:
-            found[key] = json.loads(cell) if cell else None
+            found[key] = parse_json(cell) if cell else None
         except ValueError:
             found[key] = cell
     return found
@@ -122,11 +127,10 @@ def ensemble_page(folder: Path, page: Path) -> Page:
     members = _csv_rows(folder / _TABLE)
     record: dict[str, Any] = {}
     file = folder / "ensemble.json"
-    if file.is_file():
-        try:
-            record = json.loads(file.read_text(encoding="utf-8"))
-        except ValueError as error:
-            raise SceneError(f"cannot read '{file}': {error}") from None
+    if file.exists():
+        record = read_object(file)
+        if not _is_record(record):
+            raise DamagedFile(f"'{file}' does not hold the statistics of an ensemble")
     asked = [(key, plain(value)) for key, value in record.get("asked", {}).items()]
     read = [_cells(member) for member in members]
     groups = [_group(group, starred=_starred(group, read)) for group in record.get("groups", [])]
@@ -136,7 +140,7 @@ def ensemble_page(folder: Path, page: Path) -> Page:
     ]
     identity = [(k, plain(record[k])) for k in ("version", "sha256") if record.get(k)]
     finished = record.get("finished", len(members))
-    spent = sum(float(row.get("wall_s") or 0.0) for row in members)
+    spent = sum(number(cells, "wall_s") or 0.0 for cells in read)
     cost = [("members", str(len(members))), ("stepping, all members", f"{spent:.0f} s")]
     return Page(
         title="Ensemble",
@@ -153,6 +157,32 @@ def ensemble_page(folder: Path, page: Path) -> Page:
         repeat=[Table(identity, caption="What wrote it")],
         commands=_commands(record.get("asked", {}), folder),
     )
+
+
+def _is_record(record: Mapping[str, Any]) -> bool:
+    """Whether a table of values has the parts of ``ensemble.json`` that the page shows."""
+    groups, failed = record.get("groups", []), record.get("not_finished", {})
+    if not isinstance(groups, list) or not all(isinstance(group, dict) for group in groups):
+        return False
+    inner = [group.get(key, {}) for group in groups for key in ("varied", "statistics")]
+    if not all(isinstance(part, dict) for part in (record.get("asked", {}), failed, *inner)):
+        return False
+    if not all(isinstance(member, dict) for member in failed.values()):
+        return False
+    statistics = [s for group in groups for s in group.get("statistics", {}).values()]
+    return all(isinstance(s, dict) and _are_statistics(s) for s in statistics)
+
+
+def _are_statistics(values: Mapping[str, Any]) -> bool:
+    """Whether these are the statistics of a number, as ``results.Statistics`` holds them."""
+    interval = values.get("interval", 0)
+    if interval is not None and not (isinstance(interval, list) and len(interval) == 2):
+        return False
+    numbers = [values.get(name) for name in ("count", "mean", "smallest", "largest")]
+    numbers += interval or []
+    deviation = values.get("standard_deviation", "")
+    numbers += [] if deviation is None else [deviation]
+    return all(type(value) in (int, float) for value in numbers)
 
 
 def _commands(asked: Mapping[str, Any], folder: Path) -> list[str]:

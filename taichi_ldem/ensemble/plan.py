@@ -10,41 +10,41 @@ import hashlib
 import itertools
 import json
 import re
-import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import tomli_w
 
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
-
 from taichi_ldem import __version__
-from taichi_ldem.errors import SceneError
+from taichi_ldem.ensemble.axes import CV, SEED, Value, make_axes
+from taichi_ldem.errors import DamagedFile, SceneError
+from taichi_ldem.reading import read_toml
 from taichi_ldem.scenarios.registry import entry_of, resumable
 from taichi_ldem.scene import (
     Scene,
-    load_scene,
     load_tables,
-    override_value,
+    overridden_tables,
+    parse_overrides,
     parse_scene,
     scene_to_toml,
 )
 from taichi_ldem.storage.durable import write_whole
+from taichi_ldem.storage.folder import read_scene
+from taichi_ldem.storage.place import sync_folder
 from taichi_ldem.storage.provenance import canonical, scene_hash
 
-CV, SEED = "disorder.fracture_energy_cv", "disorder.seed"
 PLATE_SEED = "plate.perturbation_seed"
 """Equal to SEED in members whose nodes are perturbed, unless it is given itself."""
-SHORT = {CV: "cv", SEED: "seed"}
-"""Names of these keys in the members' names; another key is named by its last word."""
 
 RECORD, SCENES, MEMBERS, ATTEMPTS = "ensemble.toml", "scenes", "members", "attempts"
-MAX_MEMBERS = 100_000
+LONGEST_NAME = 200
+"""Characters of a member's name; file systems take 255 bytes with endings."""
+
+
+_NAME = re.compile(r"\w[\w.+-]*", re.ASCII)
 
 
 @dataclass(frozen=True)
@@ -66,6 +66,11 @@ class Member:
         """The varied keys without the seed; members that agree in them form a group."""
         return tuple((key, value) for key, value in self.varied.items() if key != SEED)
 
+    @cached_property
+    def scene_sha256(self) -> str:
+        """The hash of its scene, which takes a tenth of a millisecond to compute."""
+        return scene_hash(self.scene)
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -74,10 +79,10 @@ class Plan:
     members: tuple[Member, ...]
     asked: Mapping[str, Any]
 
-    @property
+    @cached_property
     def hash(self) -> str:
         """SHA-256 of the members' names and scenes."""
-        hashes = {member.name: scene_hash(member.scene) for member in self.members}
+        hashes = {member.name: member.scene_sha256 for member in self.members}
         return hashlib.sha256(json.dumps(hashes, sort_keys=True).encode()).hexdigest()
 
 
@@ -103,160 +108,81 @@ def make_plan(
     Raises:
         SceneError: an option or a member's scene is not acceptable.
     """
-    axes = list(_axes(cv, seeds, vary))
-    if not axes:
-        raise SceneError("nothing is varied: give --cv, --seeds or --vary")
-    if len({key for key, _ in axes}) < len(axes):
-        key = next(key for key, _ in axes if sum(key == other for other, _ in axes) > 1)
-        raise SceneError(f"--vary {key}: the key is varied twice")
-    count = 1
-    for _, texts in axes:
-        count *= len(texts)
-    if count > MAX_MEMBERS:
-        raise SceneError(f"an ensemble has at most {MAX_MEMBERS} members, not {count}")
-    words = _words([key for key, _ in axes])
+    axes = make_axes(cv, seeds, vary)
+    base = load_tables(scene_file, settings)
+    names = {override.key for override in parse_overrides(settings)}
     members: dict[str, Member] = {}
-    for chosen in itertools.product(*(texts for _, texts in axes)):
-        member = _member(scene_file, dict(zip(words, chosen, strict=True)), words, settings)
-        members.setdefault(member.name, member)
-    _refuse_equal(list(members.values()))
+    for chosen in itertools.product(*(axis.values for axis in axes)):
+        values = {axis.key: value for axis, value in zip(axes, chosen, strict=True)}
+        member = _member(scene_file.name, base, values, names)
+        other = members.setdefault(member.name, member)
+        if other.varied != member.varied:
+            raise SceneError(f"two members have the name '{member.name}': give other values")
+    _refuse_equal(members.values())
     asked = {"scene": str(scene_file), "cv": cv, "seeds": seeds, "vary": [*vary]}
     asked = {key: value for key, value in asked.items() if value is not None}
     return Plan(tuple(members.values()), asked | {"set": [*settings]})
 
 
-def _axes(
-    cv: str | None, seeds: str | None, vary: Sequence[str]
-) -> Iterator[tuple[str, list[str]]]:
-    """Each varied key with its values as texts, the seed last."""
-    if cv is not None:
-        yield CV, _unique(f"--cv {cv}", [_variability(cv, text) for text in _split(cv)])
-    for text in vary:
-        key, equals, values = (part.strip() for part in text.partition("="))
-        if not equals or not values or key.count(".") != 1:
-            raise SceneError(f"--vary {text}: must have the form section.key=value,value,...")
-        yield key, _unique(f"--vary {text}", _split(values))
-    if seeds is not None:
-        yield SEED, _unique(f"--seeds {seeds}", [str(seed) for seed in _seeds(seeds)])
-
-
-def _variability(given: str, text: str) -> str:
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0 <= value < float("inf"):
-        raise SceneError(f"--cv {given}: must be numbers of at least 0, as in 0.10,0.25")
-    return repr(value)
-
-
-def _seeds(text: str) -> list[int]:
-    wish = f"--seeds {text}: must be whole numbers of at least 0, as in 0:4 or 1,5,7"
-    found: list[int] = []
-    for part in text.split(","):
-        first, colon, last = (word.strip() for word in part.partition(":"))
-        if not (first.isdecimal() and (last.isdecimal() or not colon)) or len(first + last) > 30:
-            raise SceneError(wish)
-        end = int(last) if colon else int(first) + 1
-        if end - int(first) > MAX_MEMBERS:
-            raise SceneError(f"--seeds {text}: must be at most {MAX_MEMBERS} seeds")
-        found += range(int(first), end)
-    if not found:
-        raise SceneError(wish)
-    return found
-
-
-def _split(text: str) -> list[str]:
-    """Values between commas; commas within brackets or quotes do not separate."""
-    parts, depth, quote = [""], 0, ""
-    for letter in text:
-        if quote:
-            quote = "" if letter == quote else quote
-        elif letter in "\"'":
-            quote = letter
-        depth += (letter in "[{") - (letter in "]}")
-        if letter == "," and depth == 0 and not quote:
-            parts.append("")
-        else:
-            parts[-1] += letter
-    return [part.strip() for part in parts]
-
-
-def _unique(option: str, texts: list[str]) -> list[str]:
-    for text in texts:
-        if not text:
-            raise SceneError(f"{option}: a value is missing")
-        if texts.count(text) > 1:
-            raise SceneError(f"{option}: {text} is given twice")
-    return texts
-
-
-def _words(keys: Sequence[str]) -> dict[str, str]:
-    """The name of each key in a member's name: its last word, if no other key has the same one."""
-    last = [key.rpartition(".")[2] for key in keys]
-    return {
-        key: SHORT.get(key, word if last.count(word) == 1 else key.replace(".", "-"))
-        for key, word in zip(keys, last, strict=True)
-    }
-
-
 def _member(
-    scene_file: Path, texts: dict[str, str], words: Mapping[str, str], settings: Sequence[str]
+    scene_name: str, base: Mapping[str, Any], values: Mapping[str, Value], names: Collection[str]
 ) -> Member:
-    homogeneous = CV in texts and float(texts[CV]) == 0 and not _other_disorder(texts)
+    """A member.
+
+    Args:
+        base: tables of the scene that all members share.
+        values: of the varied keys.
+        names: of the keys that are set for all members.
+    """
+    homogeneous = CV in values and not values[CV].override.value and not _other_disorder(values)
     used = {
-        key: text
-        for key, text in texts.items()
+        key: value
+        for key, value in values.items()
         if not (homogeneous and key.startswith("disorder."))
     }
-    overrides = [f"{key}={text}" for key, text in used.items()]
-    tables = load_tables(scene_file, [*settings, *overrides])
-    names = {text.partition("=")[0].strip() for text in [*settings, *overrides]}
+    tables = overridden_tables(base, [value.override for value in used.values()])
+    names = {*names, *used}
     if homogeneous:
         tables.pop("disorder", None)
-    if SEED in texts and PLATE_SEED not in names and tables.get("plate", {}).get("perturbation"):
-        used[SEED] = texts[SEED]
-        tables["plate"]["perturbation_seed"] = override_value(f"{PLATE_SEED}={texts[SEED]}")
+    if SEED in values and PLATE_SEED not in names and tables.get("plate", {}).get("perturbation"):
+        used[SEED] = values[SEED]
+        tables["plate"]["perturbation_seed"] = values[SEED].override.value
         if tables.get("disorder", {}).keys() <= {"seed"}:  # only the nodes draw from it
             tables.pop("disorder", None)
-    scene = parse_scene(tables, scene_file.name, names)
+    scene = parse_scene(tables, scene_name, names)
     if not entry_of(scene).resumable:
         known = ", ".join(resumable())
         raise SceneError(
             f'scenario = "{scene.scenario}": cannot be in an ensemble, only {known} can'
         )
     varied: dict[str, Any] = {
-        key: override_value(f"{key}={text}") if key in used else None for key, text in texts.items()
+        key: value.override.value if key in used else None for key, value in values.items()
     }
     if homogeneous:
         varied[CV] = 0.0
-        used[CV] = texts[CV]
-    parts = [f"{words[key]}{_plain(text)}" for key, text in texts.items() if key in used]
-    return Member("_".join(parts), varied, scene)
+        used[CV] = values[CV]
+    name = "_".join(value.part for key, value in values.items() if key in used)
+    if len(name) > LONGEST_NAME:
+        raise SceneError(
+            f"member '{name[:40]}...': a name of {len(name)} characters is too long for a folder "
+            f"(at most {LONGEST_NAME}); vary fewer keys at a time"
+        )
+    return Member(name, varied, scene)
 
 
-def _other_disorder(texts: Mapping[str, str]) -> bool:
+def _other_disorder(values: Mapping[str, Value]) -> bool:
     """Whether another varied key of ``[disorder]`` draws from the seed."""
     return any(
-        text not in ("0", "0.0")
-        for key, text in texts.items()
+        value.text not in ("0", "0.0")
+        for key, value in values.items()
         if key != CV and key.startswith("disorder.") and key.endswith(("_cv", "_data"))
     )
 
 
-def _plain(text: str) -> str:
-    """A value as a part of a file's name."""
-    try:
-        text = f"{float(text):.12g}"
-    except ValueError:
-        text = re.sub(r"[^0-9A-Za-z.+-]+", "x", text).strip("x")
-    return text
-
-
-def _refuse_equal(members: Sequence[Member]) -> None:
+def _refuse_equal(members: Iterable[Member]) -> None:
     seen: dict[str, str] = {}
     for member in members:
-        other = seen.setdefault(scene_hash(member.scene), member.name)
+        other = seen.setdefault(member.scene_sha256, member.name)
         if other != member.name:
             raise SceneError(f"members '{other}' and '{member.name}' are the same run")
 
@@ -270,7 +196,10 @@ def write_plan(plan: Plan, folder: Path, threads: int) -> None:
     for member in plan.members:
         solver = member.scene.solver.model_copy(update={"threads": threads})
         scene = member.scene.model_copy(update={"solver": solver})
-        write_whole(folder / SCENES / f"{member.name}.toml", scene_to_toml(scene).encode())
+        # not waited for one by one: `--resume` writes them again
+        file = folder / SCENES / f"{member.name}.toml"
+        write_whole(file, scene_to_toml(scene).encode(), sync=False)
+    sync_folder(folder / SCENES)
     record = {
         "sha256": plan.hash,
         "version": __version__,
@@ -278,7 +207,7 @@ def write_plan(plan: Plan, folder: Path, threads: int) -> None:
         "member": [
             {
                 "name": member.name,
-                "scene_sha256": scene_hash(member.scene),
+                "scene_sha256": member.scene_sha256,
                 "varied": {k: v for k, v in member.varied.items() if v is not None},
             }
             for member in plan.members
@@ -292,33 +221,37 @@ def read_plan(folder: Path) -> Plan:
     """The plan of an ensemble's folder.
 
     Raises:
-        SceneError: the folder holds no ensemble, or a file of it cannot be read.
+        SceneError: the folder holds no ensemble.
+        DamagedFile: a file of it cannot be read.
     """
-    record = _record(folder)
-    try:
-        keys = list(dict.fromkeys(k for m in record["member"] for k in m["varied"]))
-        keys.sort(key=lambda key: key == SEED)
-        members = [
-            Member(
-                str(m["name"]),
-                {key: m["varied"].get(key) for key in keys},
-                load_scene(folder / SCENES / f"{m['name']}.toml"),
-            )
-            for m in record["member"]
-        ]
-        return Plan(tuple(members), record["asked"])
-    except (KeyError, TypeError, AttributeError) as error:
-        raise SceneError(f"'{folder / RECORD}' is no record of an ensemble: {error!r}") from None
+    record, path = _record(folder), folder / RECORD
+    listed, asked = record.get("member"), record.get("asked", {})
+    if not isinstance(listed, list) or not listed or not isinstance(asked, dict):
+        raise DamagedFile(f"'{path}' is no record of an ensemble: it lists no members")
+    keys: dict[str, None] = {}
+    for place, member in enumerate(listed):
+        varied = member.get("varied") if isinstance(member, dict) else None
+        # a name from a file must not lead out of the folder
+        if not isinstance(varied, dict) or not _NAME.fullmatch(str(member.get("name"))):
+            raise DamagedFile(f"'{path}': entry {place + 1} is no member of an ensemble")
+        keys |= dict.fromkeys(varied)
+    ordered = sorted(keys, key=lambda key: key == SEED)
+    members = [
+        Member(
+            str(member["name"]),
+            {key: member["varied"].get(key) for key in ordered},
+            read_scene(folder / SCENES / f"{member['name']}.toml"),
+        )
+        for member in listed
+    ]
+    return Plan(tuple(members), asked)
 
 
 def _record(folder: Path) -> dict[str, Any]:
     path = folder / RECORD
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise SceneError(f"'{folder}' holds no ensemble: it has no {RECORD}") from None
-    except (OSError, ValueError) as error:
-        raise SceneError(f"cannot read '{path}': {error}") from None
+    if not path.exists():
+        raise SceneError(f"'{folder}' holds no ensemble: it has no {RECORD}")
+    return read_toml(path)
 
 
 def refuse_other_plan(plan: Plan, folder: Path) -> None:

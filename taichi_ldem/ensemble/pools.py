@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-import threading
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+import re
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from typing import Any, Protocol
 
 from taichi_ldem.ensemble.attempt import (
@@ -51,6 +52,27 @@ class Pool(Protocol):
         """Release the workers."""
 
 
+class _Ended:
+    """Futures that have ended, each of them handed out once, whatever their number."""
+
+    def __init__(self) -> None:
+        self._queue: SimpleQueue[Any] = SimpleQueue()
+
+    def watch(self, future: Any) -> None:
+        """Hand out a future when it has ended."""
+        future.add_done_callback(lambda _: self._queue.put(future))
+
+    def take(self, seconds: float) -> list[Any]:
+        """Those that ended since the last call; waits up to so many seconds for the first."""
+        found = []
+        try:
+            found.append(self._queue.get(timeout=seconds))
+            while True:
+                found.append(self._queue.get_nowait())
+        except Empty:
+            return found
+
+
 class LocalPool:
     """Children of this process, at most ``workers`` at a time."""
 
@@ -61,13 +83,15 @@ class LocalPool:
         self._order = GO_ON
         self._threads = ThreadPoolExecutor(workers, thread_name_prefix="member")
         self._tasks: dict[Future[Outcome], Task] = {}
+        self._ended = _Ended()
 
     def submit(self, task: Task) -> None:  # noqa: D102
         future = self._threads.submit(attempt, task, lambda: self._order)
         self._tasks[future] = task
+        self._ended.watch(future)
 
     def ended(self, seconds: float) -> list[Outcome]:  # noqa: D102
-        done, _ = wait(self._tasks, seconds, FIRST_COMPLETED)
+        done = self._ended.take(seconds)
         return [self._outcome(future, self._tasks.pop(future)) for future in done]
 
     def _outcome(self, future: Future[Outcome], task: Task) -> Outcome:
@@ -115,6 +139,10 @@ def local_workers(wanted: int | None, threads: int, scenes: list[Scene]) -> int:
     return min(wanted, len(scenes))
 
 
+_LOOPBACK = re.compile(r"^inproc://|//(127\.[0-9.]+|localhost|\[::1\])(:|/|$)")
+"""Addresses that only programs on the same machine reach."""
+
+
 class DaskPool:
     """Workers of any Dask scheduler.
 
@@ -133,23 +161,22 @@ class DaskPool:
             connect: Any = Client
             where = {"scheduler_file" if Path(address).is_file() else "address": address}
             self._client: Any = connect(**where, timeout=15, set_as_default=False)
+            self._address = str(self._client.scheduler.address)
         except (OSError, ValueError, TypeError) as error:
             reason = " ".join(str(error).split()) or type(error).__name__
             raise SceneError(f"--scheduler {address}: {reason}") from None
-        self._address, self._ensemble = address, ensemble
-        self._news = threading.Event()
+        self._ensemble = ensemble
+        self._ended = _Ended()
         self._tasks: dict[Any, Task] = {}
 
     def submit(self, task: Task) -> None:  # noqa: D102
         # Dask must neither retry nor merge attempts: each is unique
         future = self._client.submit(attempt, task, pure=False, retries=0)
-        future.add_done_callback(lambda _: self._news.set())
         self._tasks[future] = task
+        self._ended.watch(future)
 
     def ended(self, seconds: float) -> list[Outcome]:  # noqa: D102
-        self._news.wait(seconds)
-        self._news.clear()
-        done = [future for future in self._tasks if future.done()]
+        done = self._ended.take(seconds)
         return [self._outcome(future, self._tasks.pop(future)) for future in done]
 
     def _outcome(self, future: Any, task: Task) -> Outcome:
@@ -170,6 +197,8 @@ class DaskPool:
     def describe(self) -> str:  # noqa: D102
         workers = self._client.nthreads()
         text = f"{len(workers)} workers with {sum(workers.values())} places at {self._address}"
+        if not self._address.startswith("tls://") and not _LOOPBACK.search(self._address):
+            text += ", without TLS: whoever can reach it can run any code there"
         if "dashboard" in self._client.scheduler_info().get("services", {}):
             text += f", dashboard: {self._client.dashboard_link}"
         return text

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from taichi_ldem.ensemble.plan import RECORD, read_plan
-from taichi_ldem.ensemble.results import read_rows, write_statistics, write_table
+from taichi_ldem.ensemble.results import read_rows, write_tables
 from taichi_ldem.ensemble.table3 import write_table_3
 
 
 def is_ensemble(folder: Path) -> bool:
     """Whether a folder holds an ensemble."""
-    return (folder / RECORD).is_file()
+    return (folder / RECORD).exists()
 
 
 def report(folder: Path) -> list[Path]:
@@ -24,5 +24,5 @@ def report(folder: Path) -> list[Path]:
     rows = read_rows(plan, folder)
     from taichi_ldem.ensemble.figures import draw_all
 
-    tables = [write_table(plan, folder, rows), write_statistics(plan, folder, rows)]
+    tables = write_tables(plan, folder, rows)
     return [*tables, *write_table_3(plan, folder, rows), *draw_all(folder, rows)]

@@ -50,15 +50,21 @@ class Row:
 
 def read_rows(plan: Plan, folder: Path) -> list[Row]:
     """All members of an ensemble, read from its folder."""
-    rows = []
-    for member in plan.members:
-        run = RunFolder(folder / MEMBERS / member.name)
-        attempts = tuple(read_attempts(folder, member.name))
-        if is_finished(run.path):
-            rows.append(Row(member, run.read_summary(), attempts, FINISHED))
-        else:
-            rows.append(Row(member, {}, attempts, attempts[-1].state if attempts else WAITING))
-    return rows
+    return [read_row(member, folder) for member in plan.members]
+
+
+def read_row(member: Member, folder: Path) -> Row:
+    """A member of an ensemble, read from its folder."""
+    run = RunFolder(folder / MEMBERS / member.name)
+    attempts = tuple(read_attempts(folder, member.name))
+    if is_finished(run.path):
+        return Row(member, run.read_summary(), attempts, FINISHED)
+    return Row(member, {}, attempts, attempts[-1].state if attempts else WAITING)
+
+
+def write_tables(plan: Plan, folder: Path, rows: Sequence[Row]) -> list[Path]:
+    """Write ``ensemble.csv`` and ``ensemble.json``."""
+    return [write_table(plan, folder, rows), write_statistics(plan, folder, rows)]
 
 
 def columns(plan: Plan, rows: Sequence[Row]) -> list[str]:

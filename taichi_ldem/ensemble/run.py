@@ -11,9 +11,10 @@ from rich.console import Console
 from taichi_ldem.ensemble import plan as plans
 from taichi_ldem.ensemble.attempt import Commands, Outcome, solver_commands
 from taichi_ldem.ensemble.conduct import Conductor
+from taichi_ldem.ensemble.pace import Paced
 from taichi_ldem.ensemble.plan import Plan
 from taichi_ldem.ensemble.pools import DaskPool, LocalPool, Pool, local_workers
-from taichi_ldem.ensemble.results import read_rows, write_statistics, write_table
+from taichi_ldem.ensemble.results import read_row, read_rows, write_tables
 from taichi_ldem.errors import ExitCode, SceneError
 from taichi_ldem.scenarios.interrupts import WORDS
 from taichi_ldem.scenarios.progress import make_console
@@ -79,30 +80,50 @@ def run(
         pool = DaskPool(how.scheduler, folder.absolute()) if how.scheduler else LocalPool(workers)
         try:
             plans.write_plan(plan, folder, how.threads)
-            by_scenario = commands or solver_commands(plan.members[0].scene.scenario)
-
-            def tables(_outcome: Outcome | None = None) -> None:
-                rows = read_rows(plan, folder)
-                write_table(plan, folder, rows)
-                write_statistics(plan, folder, rows)
-
-            tables()
+            tables = Tables(plan, folder)
             conductor = Conductor(
-                plan, folder, pool, by_scenario, timeout=how.timeout, console=console, ended=tables
+                plan,
+                folder,
+                pool,
+                commands or solver_commands(plan.members[0].scene.scenario),
+                timeout=how.timeout,
+                console=console,
+                ended=tables.note,
             )
             code = conductor.run()
+            tables.write()
         except BaseException:
             pool.stop(now=False)
             raise
         finally:
             pool.close()
         _tell_end(console, folder, conductor, code)
-        if code in ENDED:
-            from taichi_ldem.ensemble.report import report
-
-            for file in report(folder):
-                console.print(f"wrote {file}")
     return code
+
+
+class Tables:
+    """The tables of an ensemble, kept up to date while its members run.
+
+    Only the member whose attempt has ended is read again, so that the cost of an attempt does not
+    grow with the number of members.
+    """
+
+    def __init__(self, plan: Plan, folder: Path) -> None:
+        self._plan, self._folder = plan, folder
+        self._members = {member.name: member for member in plan.members}
+        self._rows = {row.member.name: row for row in read_rows(plan, folder)}
+        self._write = Paced(self.write)
+        self._write()
+
+    def note(self, outcome: Outcome) -> None:
+        """Take up how an attempt ended, and write the tables where they do not take too long."""
+        member = self._members[outcome.name]
+        self._rows[member.name] = read_row(member, self._folder)
+        self._write()
+
+    def write(self) -> None:
+        """Write the tables."""
+        write_tables(self._plan, self._folder, list(self._rows.values()))
 
 
 def check(plan: Plan, folder: Path, *, resume: bool) -> None:
@@ -114,7 +135,7 @@ def check(plan: Plan, folder: Path, *, resume: bool) -> None:
     if resume:
         plans.refuse_other_plan(plan, folder)
         return
-    if (folder / plans.RECORD).is_file():
+    if (folder / plans.RECORD).exists():
         raise SceneError(f"'{folder}' holds an ensemble already; --resume continues it")
     if folder.is_dir() and any(path.name != LOCK for path in folder.iterdir()):
         raise SceneError(f"'{folder}' is not empty; give another folder with --out")
@@ -130,6 +151,10 @@ def _tell_end(console: Console, folder: Path, conductor: Conductor, code: int) -
         )
     else:
         console.print(f"results in {folder}")
+        from taichi_ldem.ensemble.report import report
+
+        for file in report(folder):
+            console.print(f"wrote {file}")
 
 
 def default_folder(scene_file: Path) -> Path:

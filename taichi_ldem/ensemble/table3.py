@@ -12,7 +12,8 @@ from typing import Any
 from taichi_ldem.analysis.paper import EXPERIMENTS, P1_N, P2_N, T1_S, T2_S, TABLE_3, is_papers_test
 from taichi_ldem.analysis.quantities import AT_T2, at_end
 from taichi_ldem.ensemble.attempt import FINISHED
-from taichi_ldem.ensemble.plan import CV, SEED, Plan
+from taichi_ldem.ensemble.axes import CV, SEED
+from taichi_ldem.ensemble.plan import Plan
 from taichi_ldem.ensemble.results import Row, groups, numbers_of, statistics
 from taichi_ldem.scenarios.registry import entry_of
 from taichi_ldem.storage.durable import write_whole

@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from taichi_ldem.model.cell import MODULE, MODULES, UnitCell
 
+_WHOLE = (slice(None), slice(None), slice(None))
 _FREE = np.stack(
     [(MODULES[:, np.arange(8) ^ side] == MODULES).all(axis=1) for side in (1, 2, 4)], axis=1
 )
@@ -118,11 +119,15 @@ class Lattice:
         offsets[0] *= _FREE[self.code]
         return np.asarray(offsets * self.exists()[..., None])
 
-    def grid(self) -> npt.NDArray[np.float64]:
-        """Places of all nodes in the regular lattice, m: (sublattices, *S, 3)."""
+    def grid(self, part: tuple[slice, slice, slice] = _WHOLE) -> npt.NDArray[np.float64]:
+        """Places of all nodes in the regular lattice, m: (sublattices, *S, 3).
+
+        Args:
+            part: of the sites, along z, y and x; the other places are left out.
+        """
         axes = [
-            start + (np.arange(n) - 1) * self.spacing
-            for start, n in zip(self.origin, reversed(self.sites), strict=True)
+            (start + (np.arange(n) - 1) * self.spacing)[chosen]
+            for start, n, chosen in zip(self.origin, self.sites[::-1], part[::-1], strict=True)
         ]
         z, y, x = np.meshgrid(axes[2], axes[1], axes[0], indexing="ij")
         corner = np.stack([x, y, z], axis=-1)
@@ -132,9 +137,9 @@ class Lattice:
         """(sublattices, *S) True where a node exists."""
         return np.moveaxis(self.cell.node_shares[self.code] > 0, -1, 0)
 
-    def bar_exists(self) -> npt.NDArray[np.bool_]:
-        """(nz + 3, ny + 3, nx + 3, bars) True where a bar exists."""
-        return np.asarray((self.cell.shares > 0)[self.code])
+    def bar_exists(self, part: tuple[slice, slice, slice] = _WHOLE) -> npt.NDArray[np.bool_]:
+        """(nz + 3, ny + 3, nx + 3, bars) True where a bar exists; of a part of the sites only."""
+        return np.asarray((self.cell.shares > 0)[self.code[part]])
 
     def bar_shares(self) -> npt.NDArray[np.float64]:
         """(nz + 3, ny + 3, nx + 3, bars) share of a whole bar; zero where there is none."""
@@ -172,14 +177,18 @@ class Lattice:
         Returns:
             (nz + 3, ny + 3, nx + 3) one bit a bar.
         """
-        first, vectors = self.grid(), self.cell.vectors * self.spacing
+        others = [a for a in range(3) if a != axis]
+        ends = np.array([lower, upper], dtype=float)
+        corners = np.full((4, 3), float(position))
+        corners[:, others] = [(a, b) for a in ends[:, 0] for b in ends[:, 1]]
+        near = self._sites_near(turned(corners, -angle) if angle else corners)
+        first, vectors = self.grid(near), self.cell.vectors * self.spacing
         if angle:
             first, vectors = turned(first, angle), turned(vectors, angle)
-        others = [a for a in range(3) if a != axis]
         middle = 0.5 * self.modules[2] * self.spacing if axis == 2 else 0.0
         plane = beyond(position, middle, self.spacing)
         cut = np.zeros(self.sites, dtype=np.uint16)
-        existing = self.bar_exists()
+        existing = self.bar_exists(near)
         for bar, vector in enumerate(vectors):
             if abs(vector[axis]) < 1e-9 * self.spacing:
                 continue
@@ -190,8 +199,22 @@ class Lattice:
                 place = start[..., other] + along * vector[other]
                 tolerance = 1e-6 * self.spacing
                 hit &= (place >= low - tolerance) & (place <= high + tolerance)
-            cut |= hit.astype(np.uint16) << bar
+            cut[near] |= hit.astype(np.uint16) << bar
         return cut
+
+    def _sites_near(self, places: npt.NDArray[np.float64]) -> tuple[slice, slice, slice]:
+        """The sites of all bars that may reach into the box around some places (n, 3).
+
+        With thousands of notches, looking at the whole lattice for each takes minutes.
+        """
+        origin, count = np.array(self.origin), np.array(self.sites[::-1])
+        low = np.floor((places.min(axis=0) - origin) / self.spacing) - 2  # a bar is shorter than 2
+        high = np.ceil((places.max(axis=0) - origin) / self.spacing) + 5
+        x, y, z = (
+            slice(int(a), int(b))
+            for a, b in zip(np.clip(low, 0, count), np.clip(high, 0, count), strict=True)
+        )
+        return z, y, x
 
 
 def beyond(position: float, middle: float, spacing: float) -> float:

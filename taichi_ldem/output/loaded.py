@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -12,9 +13,14 @@ from numpy.typing import NDArray
 
 from taichi_ldem.analysis.paper import is_papers_test
 from taichi_ldem.analysis.window import smoothing_window
+from taichi_ldem.errors import DamagedFile, SceneError
+from taichi_ldem.reading import Named
 from taichi_ldem.scenarios.registry import SCENARIOS
-from taichi_ldem.scene import Scene, load_scene
+from taichi_ldem.scenarios.runner import columns
+from taichi_ldem.scene import Scene
+from taichi_ldem.storage.fields import fault_of
 from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.storage.history import finite_rows
 
 if TYPE_CHECKING:
     from taichi_ldem.analysis.cracks import Cracks
@@ -52,11 +58,13 @@ class LoadedRun:
         Raises:
             SceneError: a file of the run cannot be read.
         """
-        history = folder.read_history() if folder.history_file.is_file() else {}
+        history = folder.read_history() if folder.history_file.exists() else {}
+        history = finite_rows(history)
         if most_rows is not None:
             every = max(1, -(-len(history.get("time_s", ())) // most_rows))
             history = {name: values[::every] for name, values in history.items()}
-        return cls(folder, load_scene(folder.scene_file), history, folder.read_summary())
+        named = Named(folder.history_file, "column", history)
+        return cls(folder, folder.read_scene(), named, folder.read_summary())
 
     @property
     def rows(self) -> int:
@@ -91,16 +99,57 @@ class LoadedRun:
     @cached_property
     def cracks(self) -> Cracks | None:
         """The measured cracks of a falling-weight test; None without a broken bar."""
-        if self.scene.scenario != "impact" or not self.folder.fields_file.is_file():
+        if self.scene.scenario != "impact" or not self.folder.fields_file.exists():
             return None
         from taichi_ldem.scenarios.measure import measure_run
 
         return measure_run(self.folder)
 
     def has(self, column: str) -> bool:
-        """Whether the history has a column, and a curve in it."""
+        """Whether the history has a column, and a curve in it.
+
+        Raises:
+            DamagedFile: runs of this scene write the column, and it is not there.
+        """
+        if self.rows > 1 and column not in self.history and column in columns(self.scene):
+            raise DamagedFile(f"'{self.folder.history_file}' has no column '{column}'")
         return len(self.history.get(column, ())) > 1
 
     def number(self, key: str) -> float | None:
         """A number of the summary; None where the run does not have it."""
         return number(self.summary, key)
+
+    def positive(self, key: str) -> float:
+        """A number of the summary that every such run has; DamagedFile where it is not above 0."""
+        value = self.number(key)
+        if value is None or not value > 0:
+            raise DamagedFile(f"'{self.folder.summary_file}': {key} is no number above 0")
+        return value
+
+    @cached_property
+    def fault(self) -> str:
+        """What is wrong with the fields, for the figures that are made from them; empty: nothing.
+
+        Raises:
+            DamagedFile: they cannot be read.
+        """
+        file = self.folder.fields_file
+        found = fault_of(file) if file.exists() else ""
+        return f"{file.name} is damaged: {found}" if found else ""
+
+    @contextmanager
+    def drawing(self, what: str) -> Iterator[None]:
+        """Draw from the run's files, which may be whole each and yet not fit together.
+
+        Raises:
+            DamagedFile: instead of any error of arithmetic, of a name or of a shape.
+        """
+        try:
+            yield
+        except SceneError:
+            raise
+        except (ArithmeticError, LookupError, TypeError, ValueError) as error:
+            raise DamagedFile(
+                f"'{self.folder.path}': {what} cannot be drawn, since its files do not fit "
+                f"together: {type(error).__name__}: {error}"
+            ) from error

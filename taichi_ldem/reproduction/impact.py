@@ -9,6 +9,7 @@ import numpy as np
 from taichi_ldem.analysis import paper
 from taichi_ldem.errors import SceneError
 from taichi_ldem.model.material import failure_strain
+from taichi_ldem.reading import read_text
 from taichi_ldem.reproduction.sections import Context, Row, Section, pictures, scaled
 from taichi_ldem.storage.folder import RunFolder
 
@@ -128,7 +129,7 @@ def ensemble(**names: str) -> Callable[[Context], Section]:
     def make(context: Context) -> Section:
         found = pictures(context, "ensemble", **names)
         table = context.folder("ensemble") / "table3.md"
-        text = "" if names or not table.is_file() else table.read_text(encoding="utf-8")
+        text = "" if names or not table.exists() else read_text(table)
         if not found and not text:
             raise SceneError("the ensemble has written neither figures nor a table")
         return Section([], found, text)

@@ -14,8 +14,7 @@ from taichi_ldem.errors import SceneError
 from taichi_ldem.model.disorder import shape_from_cv
 from taichi_ldem.model.material import bar_families, failure_strain
 from taichi_ldem.reproduction.sections import Context, Row, Section, pictures, scaled
-from taichi_ldem.scene import load_scene
-from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.storage.folder import RunFolder, read_scene
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -96,7 +95,7 @@ def fig7(context: Context) -> Section:
     """The fracture energy of notched bending, as a slope over several beams."""
     summary = context.summary("bending")
     energy, scatter = paper.FRACTURE_ENERGY_J_M2, paper.FRACTURE_ENERGY_SCATTER_J_M2
-    given = load_scene(next(context.folder("bending").glob("*/scene.toml"))).material
+    given = read_scene(next(context.folder("bending").glob("*/scene.toml"))).material
     rows = [
         Row("G_f given to the bars", "J/m2", given.fracture_energy, digits=0),
         Row(

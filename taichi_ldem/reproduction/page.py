@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
-from taichi_ldem.errors import SceneError
+from taichi_ldem.errors import DamagedFile, SceneError
 from taichi_ldem.reproduction.runs import NEEDS
 from taichi_ldem.reproduction.sections import Context, Item, Section
 
 
+class Report(NamedTuple):
+    """The report in Markdown, and what is wrong with files that it should have been made from."""
+
+    text: str
+    damaged: tuple[str, ...]
+
+
 def write(
     items: Sequence[Item], context: Context, failed: Mapping[str, str], quick: bool = False
-) -> str:
-    """The report in Markdown, from the run folders; pictures are copied into its folder.
+) -> Report:
+    """The report, from the run folders; pictures are copied into its folder.
 
     Args:
         failed: runs without a result, each with the reason.
@@ -34,6 +41,7 @@ def write(
             "random ones, coarser lattices elsewhere. "
             "For a first look, not for comparison.\n"
         )
+    damaged: dict[str, None] = {}
     for item in items:
         parts.append(f"\n## {item.title}\n\n")
         reason = next((failed[name] for name in item.needs if name in failed), None)
@@ -41,10 +49,16 @@ def write(
             if reason is not None:
                 raise SceneError(reason)
             parts.append(_section(item, item.make(context), context))
-        except (SceneError, OSError, KeyError, StopIteration) as error:
+        except (SceneError, OSError, StopIteration) as error:
             parts.append(f"Missing: {error or 'a file of the run is not there'}.\n")
+            damaged |= {str(error): None} if isinstance(error, DamagedFile) else {}
+        except (ArithmeticError, LookupError, TypeError, ValueError) as error:
+            runs = ", ".join(f"'{context.folder(name)}'" for name in item.needs)
+            text = f"files of {runs} do not fit together: {type(error).__name__}: {error}"
+            parts.append(f"Missing: {text}.\n")
+            damaged[text] = None
     parts.append(_costs(context))
-    return "".join(parts)
+    return Report("".join(parts), tuple(damaged))
 
 
 def _section(item: Item, section: Section, context: Context) -> str:
@@ -73,8 +87,13 @@ def _costs(context: Context) -> str:
         file = context.folder(name) / "summary.json"
         if not file.is_file():
             continue
-        summary = json.loads(file.read_text(encoding="utf-8"))
-        wall, sha = summary.get("wall_s"), summary.get("provenance", {}).get("scene_sha256", "")
+        try:
+            summary = context.summary(name)
+        except DamagedFile:  # named at the items that need it
+            continue
+        record = summary.get("provenance")
+        sha = str(record.get("scene_sha256", "")) if isinstance(record, dict) else ""
+        wall = summary.get("wall_s")
         spent = "" if wall is None else f"{wall:.0f}"
         rows.append(f"| {name} | {spent} | `{sha[:12]}` |\n")
     if not rows:

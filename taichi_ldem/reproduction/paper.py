@@ -11,7 +11,8 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
-from taichi_ldem.errors import ExitCode, SceneError
+from taichi_ldem.errors import DamagedFile, ExitCode, SceneError
+from taichi_ldem.reading import read_json
 from taichi_ldem.reproduction.items import chosen
 from taichi_ldem.reproduction.page import write
 from taichi_ldem.reproduction.runs import conduct
@@ -50,16 +51,19 @@ def reproduce(
         raise SceneError("ldem paper: run it in a checkout: there is no configs/impact.toml here")
     state = out / "paper.json"
     kind = {"quick": quick}
-    if state.is_file():
+    if state.exists():
         if not resume:
             raise SceneError(f"'{out}' holds results; --resume goes on, --out takes another folder")
-        if json.loads(state.read_text(encoding="utf-8")) != kind:
+        if read_json(state) != kind:
             raise SceneError(f"'{out}' was begun {'without' if quick else 'with'} --quick")
     with RunFolder.held(out):
         write_whole(state, (json.dumps(kind) + "\n").encode())
         names = dict.fromkeys(name for item in items for name in item.needs)
         failed = conduct(list(names), out, quick=quick, resume=resume, tell=tell)
         refuse_moved(out)
-        write_whole(out / "paper.md", write(items, Context(out), failed, quick).encode())
+        page = write(items, Context(out), failed, quick)
+        write_whole(out / "paper.md", page.text.encode())
     tell(str(out / "paper.md"))
+    if page.damaged:
+        raise DamagedFile("; ".join(page.damaged))
     return ExitCode.MEMBERS_MISSING if failed else ExitCode.DONE

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 import time
@@ -11,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from taichi_ldem.analysis.paper import DISORDER_CVS
+from taichi_ldem.reading import read_object
 from taichi_ldem.scenarios.interrupts import run_child
 from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.storage.place import refuse_moved
@@ -133,7 +133,8 @@ def conduct(
             code = run_child(command, stdout=log, stderr=subprocess.STDOUT)
         tell(f"{name}: {time.perf_counter() - started:.0f} s")
         if code:
-            last = (out / "logs" / f"{name}.log").read_text(encoding="utf-8").strip()
+            log_file = out / "logs" / f"{name}.log"
+            last = log_file.read_text(encoding="utf-8", errors="replace").strip()
             failed[name] = f"ended with exit code {code}: {(last.splitlines() or [''])[-1]}"
     return failed
 
@@ -146,7 +147,8 @@ def _is_whole(need: Need, folder: Path) -> bool:
     """Whether a study or an ensemble has all of its specimens."""
     if need.name not in ("bending", "ensemble"):
         return True
-    record = json.loads((folder / need.done).read_text(encoding="utf-8"))
+    record = read_object(folder / need.done)
     if need.name == "ensemble":
         return bool(record.get("finished") == record.get("members"))
-    return len(record.get("specimens", [])) >= len(SPECIMENS)
+    specimens = record.get("specimens")
+    return isinstance(specimens, list) and len(specimens) >= len(SPECIMENS)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from taichi_ldem.scene import Scene, load_scene
+from taichi_ldem.scene import Scene
 from taichi_ldem.storage.folder import RunFolder
 
 
@@ -90,7 +90,7 @@ class Context:
 
     def scene(self, name: str) -> Scene:
         """The scene of a run."""
-        return load_scene(RunFolder(self.folder(name)).scene_file)
+        return RunFolder(self.folder(name)).read_scene()
 
     def picture(self, name: str) -> Path:
         """Where a figure that is drawn for the report goes."""

@@ -111,7 +111,8 @@ def warnings(scene: Scene, steps: int | None = None) -> list[str]:
     lines = [*_slips(scene, steps), *unresolved(scene)]
     c11, c12, c44 = mat.elastic_constants(m.youngs_modulus, m.poisson_ratio, plate.stiffness)
     anisotropy = 2 * c44 / (c11 - c12)
-    if not 0.2 <= m.poisson_ratio <= 0.3 or plate.stiffness == "as-printed":
+    rough = not 0.2 <= m.poisson_ratio <= 0.3 and plate.stiffness != "volumetric"
+    if rough or plate.stiffness == "as-printed":
         lines.append(
             f"the lattice is not isotropic: C11 = {c11 / 1e9:.3f}, C12 = {c12 / 1e9:.3f}, C44 = "
             f"{c44 / 1e9:.3f} GPa, 2 C44 / (C11 - C12) = {anisotropy:.2f}"

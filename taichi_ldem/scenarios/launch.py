@@ -7,7 +7,7 @@ from taichi_ldem.scenarios import runner
 from taichi_ldem.scenarios.drawing import Draw
 from taichi_ldem.scenarios.registry import Scenario, entry_of, resumable
 from taichi_ldem.scenarios.runner import Summary
-from taichi_ldem.scene import Scene, load_scene
+from taichi_ldem.scene import Scene
 from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.storage.provenance import WITHOUT_EFFECT, unequal
 
@@ -55,7 +55,7 @@ def go_on(
     if not folder.begun:
         return run(entry, scene, out, quiet=quiet, draw=draw)
     if folder.scene_file.is_file():
-        for key, mine, theirs in unequal(scene, load_scene(folder.scene_file), WITHOUT_EFFECT):
+        for key, mine, theirs in unequal(scene, folder.read_scene(), WITHOUT_EFFECT):
             raise SceneError(
                 f"--resume: '{out}' holds a run of another scene: {key} = {theirs} there, {mine} "
                 "here; give another folder with --out"
@@ -85,7 +85,7 @@ def resume(out: Path, *, extend: float = 0.0, quiet: bool = False, draw: Draw | 
         SceneError: also where the folder holds no run, or one that cannot be resumed.
     """
     folder = RunFolder(out)
-    if not folder.scene_file.is_file():
+    if not folder.scene_file.exists():
         raise SceneError(f"'{out}' is no run folder: it has no scene.toml")
-    summary = summary_of(entry_of(load_scene(folder.scene_file)))
+    summary = summary_of(entry_of(folder.read_scene()))
     return runner.resume(out, summary, extend=extend, quiet=quiet, draw=draw)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from taichi_ldem.analysis.cracks import Cracks, measure
 from taichi_ldem.analysis.signals import energy_failure
 from taichi_ldem.analysis.window import smoothing_window
-from taichi_ldem.scene import load_scene
 from taichi_ldem.storage.fields import read_broken_bars
 from taichi_ldem.storage.folder import RunFolder
 
@@ -16,8 +15,8 @@ def measure_run(folder: RunFolder) -> Cracks | None:
     Raises:
         SceneError: a file of the run cannot be read.
     """
-    scene = load_scene(folder.scene_file)
-    if not scene.material.damage or not folder.fields_file.is_file():
+    scene = folder.read_scene()
+    if not scene.material.damage or not folder.fields_file.exists():
         return None
     bars = read_broken_bars(folder.fields_file)
     if not len(bars.bar):

@@ -26,7 +26,7 @@ from taichi_ldem.scenarios.field_output import FieldOutput
 from taichi_ldem.scenarios.interrupts import WORDS, Interrupts, Signalled
 from taichi_ldem.scenarios.progress import announce, make_console, progress
 from taichi_ldem.scenarios.registry import entry_of
-from taichi_ldem.scene import Scene, load_scene, parse_scene, scene_to_toml
+from taichi_ldem.scene import Scene, parse_scene, scene_to_toml
 from taichi_ldem.solver import backend
 from taichi_ldem.solver.contact import bodies_of, observables
 from taichi_ldem.solver.memory import peak_bytes, refuse_too_large
@@ -170,7 +170,7 @@ def resume(
 
     console = make_console(quiet)
     folder = RunFolder(out)
-    scene = load_scene(folder.scene_file) if scene is None else scene
+    scene = folder.read_scene() if scene is None else scene
     if folder.summary_file.is_file() and not extend:
         console.print(f"{out} holds a finished run; --extend SECONDS runs on past its end")
         return ExitCode.DONE
@@ -181,6 +181,7 @@ def resume(
         latest = next(found, None)
         if latest is None:  # refused before Taichi is started
             raise SceneError(f"'{out}' has no checkpoint that can be resumed; run its scene again")
+        folder.processes()  # so is a record of them that is damaged
         started = time.perf_counter()
         simulation = _build(scene)
         folder = folder.now()

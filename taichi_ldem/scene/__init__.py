@@ -2,6 +2,7 @@
 
 from taichi_ldem.scene.bodies import Clamp, Grips, Striker, Supports
 from taichi_ldem.scene.checks import SCENARIOS, ScenarioRules, register_scenario
+from taichi_ldem.scene.load import Override
 from taichi_ldem.scene.messages import NATURAL
 from taichi_ldem.scene.names import LAW_NAMES, NOSE_NAMES
 from taichi_ldem.scene.scene import (
@@ -10,20 +11,20 @@ from taichi_ldem.scene.scene import (
     key_for,
     load_scene,
     load_tables,
-    override_value,
+    overridden_tables,
+    parse_overrides,
     parse_scene,
     parse_scene_text,
     scene_to_toml,
 )
+from taichi_ldem.scene.specimen import Notch, Plate
 from taichi_ldem.scene.tables import (
     DISORDERED,
     LARGEST_CV,
     Disorder,
     Material,
     Modes,
-    Notch,
     Output,
-    Plate,
     Pulse,
     Solver,
 )
@@ -43,6 +44,7 @@ __all__ = [
     "Modes",
     "Notch",
     "Output",
+    "Override",
     "Plate",
     "Pulse",
     "ScenarioRules",
@@ -53,7 +55,8 @@ __all__ = [
     "key_for",
     "load_scene",
     "load_tables",
-    "override_value",
+    "overridden_tables",
+    "parse_overrides",
     "parse_scene",
     "parse_scene_text",
     "register_scenario",

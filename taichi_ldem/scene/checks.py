@@ -19,7 +19,7 @@ from taichi_ldem.scene.weibull import strength_by_volume
 
 if TYPE_CHECKING:
     from taichi_ldem.scene.scene import Scene
-    from taichi_ldem.scene.tables import Notch
+    from taichi_ldem.scene.specimen import Notch
 
 MAX_SAMPLES = 10**7
 MAX_FRAMES = 10**4
@@ -129,6 +129,9 @@ def _check_bend(scene: Scene) -> None:
 def _check_wave(scene: Scene) -> None:
     pulse = scene.pulse
     assert pulse is not None
+    if scene.plate.stiffness == "volumetric":
+        why = 'is not for scenario = "wave", whose exact waves are those of bars alone'
+        raise refuse("plate.stiffness", scene.plate.stiffness, why)
     _check_free_prism(scene)
     shortest = 4 * scene.plate.spacing
     if pulse.wavelength < shortest:

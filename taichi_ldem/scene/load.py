@@ -1,6 +1,5 @@
 """Scenes as text: TOML files, overrides of single keys, and writing back."""
 
-import sys
 import warnings
 from collections.abc import Collection, Sequence
 from pathlib import Path
@@ -10,15 +9,11 @@ import tomli_w
 from pydantic import BaseModel
 
 from taichi_ldem.errors import SceneError, SceneNote
+from taichi_ldem.reading import parse_toml
 from taichi_ldem.scene.messages import nearest
 from taichi_ldem.scene.schema import is_list, single_tables
 from taichi_ldem.scene.tables import DISORDERED, Output
 from taichi_ldem.scene.values import show
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 MAX_FILE_BYTES = 1 << 20
 
@@ -72,7 +67,7 @@ def read_file(path: Path) -> dict[str, Any]:
 def read_toml(content: bytes, name: str) -> dict[str, Any]:
     """The tables of a TOML text; `name` opens the message of SceneError where it is not TOML."""
     try:
-        return tomllib.loads(content.decode("utf-8-sig"))
+        return parse_toml(content.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         line = content[: error.start].count(b"\n") + 1
         raise SceneError(f"{name}: line {line} is not UTF-8 text") from None
@@ -109,7 +104,7 @@ def _parse_override(text: str, schema: type[BaseModel]) -> Override:
 
 def _parse_value(text: str, value: str) -> object:
     try:
-        parsed = tomllib.loads(f"value = {value}")
+        parsed = parse_toml(f"value = {value}")
         if parsed.keys() == {"value"}:
             return parsed["value"]
     except (ValueError, RecursionError):

@@ -14,22 +14,28 @@ from taichi_ldem.errors import SceneError
 from taichi_ldem.scene import checks, load, messages
 from taichi_ldem.scene.bodies import Clamp, Grips, Striker, Supports
 from taichi_ldem.scene.schema import tables_of
+from taichi_ldem.scene.specimen import Notch, Plate
 from taichi_ldem.scene.tables import (
     Disorder,
     Material,
     Modes,
-    Notch,
     Output,
-    Plate,
     Pulse,
     Solver,
 )
-from taichi_ldem.scene.values import OneOf, Table
+from taichi_ldem.scene.values import OneOf, Table, plain
 
 ScenarioName = Annotated[str, BeforeValidator(OneOf(checks.SCENARIOS))]
 
 
-class Scene(Table):
+class _OneLine(type(Table)):  # type: ignore[misc]
+    """Makes ``Scene(...)`` raise one line, as files of scenes do, not a list of all faults."""
+
+    def __call__(cls, **data: Any) -> Any:
+        return parse_scene(data)
+
+
+class Scene(Table, metaclass=_OneLine):
     """A complete scene. A table that is left out (None) is a feature that is left out."""
 
     scenario: ScenarioName = Field(
@@ -141,9 +147,19 @@ def load_tables(path: str | Path, overrides: Sequence[str] = ()) -> dict[str, An
     return load.apply_overrides(data, load.parse_overrides(overrides, Scene))
 
 
-def override_value(text: str) -> object:
-    """The value of an override `section.key=value`; SceneError as `load_scene`."""
-    return load.parse_overrides([text], Scene)[0].value
+def parse_overrides(texts: Sequence[str]) -> list[load.Override]:
+    """Overrides `section.key=value` by key and value; SceneError as `load_scene`."""
+    return load.parse_overrides(texts, Scene)
+
+
+def overridden_tables(
+    tables: Mapping[str, Any], overrides: Sequence[load.Override]
+) -> dict[str, Any]:
+    """A copy of tables with overrides, not validated; otherwise as `load_scene`."""
+    copied = {
+        name: dict(table) if isinstance(table, dict) else table for name, table in tables.items()
+    }
+    return load.apply_overrides(copied, overrides)
 
 
 def parse_scene(
@@ -159,18 +175,21 @@ def parse_scene(
         SceneError: one line for the first fault; unknown keys come before wrong values.
     """
     try:
+        data = {key: plain(value) for key, value in data.items()}
         return Scene.model_validate(data)
     except ValidationError as error:
         # a misspelt key also shows up as a missing one: name the cause, not the consequence
         faults = sorted(error.errors(), key=lambda fault: fault["type"] != "extra_forbidden")
         message = messages.explain(faults[0], data, Scene)
         # --set names no number of the only table of its kind
-        plain = re.sub(r"^(unknown key ')?(\w+)\[0\]\.", r"\1\2.", message)
+        bare = re.sub(r"^(unknown key ')?(\w+)\[0\]\.", r"\1\2.", message)
         if any(
-            plain.startswith((f"{key} =", f"{key}[", f"unknown key '{key}'")) for key in overridden
+            bare.startswith((f"{key} =", f"{key}[", f"unknown key '{key}'")) for key in overridden
         ):
             name = "command line"
         raise SceneError(f"{name}: {message}") from None
+    except RecursionError:  # a list that holds itself
+        raise SceneError(f"{name}: nested too deeply") from None
 
 
 def parse_scene_text(text: str, name: str) -> Scene:

@@ -4,7 +4,7 @@ import itertools
 import json
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from pydantic_core import PydanticCustomError, PydanticKnownError
@@ -50,6 +50,17 @@ class Table(BaseModel):
     """A table of a scene: immutable, and without keys that nobody reads."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def plain(value: Any) -> Any:
+    """A value with Python's own numbers in place of NumPy's, and lists in place of arrays."""
+    if isinstance(value, dict):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if hasattr(value, "dtype") and hasattr(value, "tolist"):
+        return value.tolist()
+    return value
 
 
 def refuse(key: str, value: object, why: str) -> ValueError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -23,6 +24,7 @@ def _log_spread(shape: float) -> float:
     return math.lgamma(1 + 2 / shape) - 2 * math.lgamma(1 + 1 / shape)
 
 
+@functools.lru_cache(maxsize=256)  # the members of an ensemble ask for few
 def shape_from_cv(cv: float) -> float:
     """Weibull shape gamma of a coefficient of variation, 0 < CV <= 1.5."""
     limit = math.pi / (math.sqrt(6) * cv)  # log x is then Gumbel's, of that deviation

@@ -6,6 +6,7 @@ import functools
 import os
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -14,10 +15,18 @@ from typing import Any
 from taichi_ldem.errors import SceneError
 from taichi_ldem.scene import Solver
 
+_STDOUT = threading.Lock()
+"""Held while stdout is redirected: two redirections that overlap would lose it for good."""
+
 
 @contextlib.contextmanager
 def _silent_stdout() -> Iterator[None]:
-    """Discard what native code prints to stdout."""
+    """Discard what native code prints to stdout; a second thread waits for the first."""
+    with _STDOUT:
+        yield from _redirected()
+
+
+def _redirected() -> Iterator[None]:
     _flush()
     try:
         saved = os.dup(1)

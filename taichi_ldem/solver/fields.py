@@ -128,7 +128,7 @@ class Features:
         "energy of a module's volume",
         'plate.stiffness other than "volumetric"',
         lambda scene: scene.plate.stiffness == "volumetric",
-        lambda _: {"plate": {"stiffness": "volumetric"}},
+        lambda _: {},  # not together with damage
     )
     density: bool = _feature(
         "mass of every node",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import os
 
@@ -40,8 +41,12 @@ def field_bytes(scene: Scene) -> int:
 
 def _all_field_bytes(scene: Scene) -> int:
     """Bytes of all fields of a scene's lattice."""
-    layout = _layout(scene)
-    return sum(row.bytes(layout) for row in rows(Features.of(scene), layout))
+    return _bytes(Features.of(scene), _layout(scene))
+
+
+@functools.lru_cache(maxsize=64)  # the members of an ensemble are mostly alike in these
+def _bytes(features: Features, layout: Layout) -> int:
+    return sum(row.bytes(layout) for row in rows(features, layout))
 
 
 def needed_bytes(scene: Scene) -> int:

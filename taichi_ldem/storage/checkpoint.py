@@ -33,6 +33,8 @@ LATEST, PREVIOUS, NEW = "checkpoint.h5", "checkpoint.previous.h5", "checkpoint.n
 FORMAT = 2
 HEAD = 512
 MAGIC = "taichi_ldem checkpoint"
+MOST_ARRAYS = 1000
+"""More datasets than any checkpoint has."""
 
 MAY_DIFFER = (
     "solver.duration",
@@ -158,31 +160,40 @@ def _refuse_version(file: h5py.File) -> None:
 
 
 def _arrays(file: h5py.File, limit: int) -> dict[str, NDArray[Any]]:
-    """All datasets by name, plain numbers only: no links, no packed or external storage."""
-    arrays: dict[str, NDArray[Any]] = {}
+    """All datasets by name, plain numbers only: no links, no packed or external storage.
+
+    Nothing is allocated before all of them together are known to fit into the file: those that
+    HDF5 has not allocated take no space in it.
+
+    Args:
+        limit: bytes of the file.
+    """
+    found: dict[str, h5py.Dataset] = {}
+    left = limit
 
     def take(name: str, item: Any) -> None:
         if not isinstance(item, h5py.Dataset):
             return
+        nonlocal left
         # a name that is no UTF-8 comes as bytes
         plain = isinstance(name, str) and item.dtype.kind in "iuf" and item.chunks is None
-        if not plain or item.external or item.is_virtual or item.nbytes > limit:
+        left -= item.nbytes if plain else 0
+        if not plain or item.external or item.is_virtual or left < 0 or len(found) == MOST_ARRAYS:
             raise CheckpointError(f"is no checkpoint of this program: '{name!s}'")
-        arrays[name] = item[()] if item.shape else np.array(item[()])
+        found[name] = item
 
     file.visititems(take)
-    return arrays
+    return {name: np.array(item[()]) for name, item in found.items()}
 
 
 def _rows(arrays: Arrays, count: int) -> History:
-    columns: dict[str, list[Any]] = {}
-    for name, values in arrays.items():
-        if name.startswith("history/"):
-            if values.ndim != 1 or len(values) not in (0, count):
-                raise CheckpointError(f"is no checkpoint of this program: '{name}'")
-            columns[name.removeprefix("history/")] = values.tolist() or [None] * count
-    if bool(columns) != bool(count):
+    own = {n.removeprefix("history/"): v for n, v in arrays.items() if n.startswith("history/")}
+    for name, values in own.items():
+        if values.ndim != 1 or len(values) not in (0, count):
+            raise CheckpointError(f"is no checkpoint of this program: 'history/{name}'")
+    if count != max(map(len, own.values()), default=0) or bool(own) != bool(count):
         raise CheckpointError("is no checkpoint of this program: history")
+    columns = {name: values.tolist() or [None] * count for name, values in own.items()}
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
@@ -236,6 +247,8 @@ class Checkpoints:
 
 def _read(path: Path) -> bytes:
     size, free = path.stat().st_size, available_bytes()
+    if not path.is_file():
+        raise CheckpointError("is a pipe, a device or a folder, not a file")
     if free is not None and size > free / 2:
         raise CheckpointError(f"has {size:,} bytes, and {free:,} bytes of memory are available")
     return path.read_bytes()

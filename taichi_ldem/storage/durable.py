@@ -35,8 +35,11 @@ _END_OF_FILE = 40
 TEMPORARY = ".tmp"
 
 
-def write_whole(path: Path, content: bytes) -> None:
+def write_whole(path: Path, content: bytes, *, sync: bool = True) -> None:
     """Write a file whole or not at all; an old one stays until the new one is on the disk.
+
+    Args:
+        sync: wait until it is on the disk; False for many files that can be made again.
 
     Raises:
         OSError: it could not be written; what had been written is removed.
@@ -45,13 +48,15 @@ def write_whole(path: Path, content: bytes) -> None:
     try:
         with place.open_file(temporary, "wb") as file:
             _write_all(file, content, 0)
-            os.fsync(file.fileno())
+            if sync:
+                os.fsync(file.fileno())
         place.replace(temporary, path)
     except OSError as error:
         with contextlib.suppress(OSError):
             place.unlink(temporary)
         raise _named(error, path) from None
-    place.sync_folder(path.parent)
+    if sync:
+        place.sync_folder(path.parent)
 
 
 def _write_all(file: io.FileIO, content: bytes, at: int) -> None:
@@ -124,6 +129,8 @@ def _take(folder: Path) -> BaseFileLock | None:
 
 
 def _read_holder(folder: Path) -> str:
+    if not (folder / LOCK).is_file():  # a FIFO would wait for a writer
+        return ""
     with contextlib.suppress(OSError), open(folder / LOCK, "rb", buffering=0) as file:
         file.seek(1)
         return file.read(200).decode("utf-8", "replace")

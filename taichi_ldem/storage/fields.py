@@ -5,8 +5,7 @@ The file is a VTKHDF unstructured grid (format 2.2), which ParaView and PyVista 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from taichi_ldem.errors import SceneError
 from taichi_ldem.model.cell import MODULE, UnitCell
+from taichi_ldem.storage.arrays import Arrays, reading
 from taichi_ldem.storage.durable import created, patched
 
 FloatArray = NDArray[np.floating[Any]]
@@ -28,6 +28,9 @@ _VTK_HEXAHEDRON = 12
 _PACKED: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 
 _FIELDS = ("PointData/displacement_m", "PointData/velocity_m_s", "CellData/broken_fraction")
+
+FARTHEST = 1e20
+"""Largest coordinate of a broken bar, m; sides of plates are smaller."""
 
 
 def hexahedral_mesh(
@@ -87,12 +90,12 @@ class FieldWriter:
 
     def _cut(self, steps: int, broken: int) -> None:
         """Forget what was written after a checkpoint."""
-        with _reading(self._path) as file:
-            root, group = file["VTKHDF"], file["BrokenBars"]
-            enough = int(root["Steps"].attrs["NSteps"]) >= steps
-            enough &= len(group["time_s"]) >= broken
+        with reading(self._path) as file:
+            enough = len(_times(file)) >= steps
+            for name in ("time_s", "position_m", "bar"):
+                enough &= len(file.item(f"BrokenBars/{name}")) >= broken
             for field, rows in zip(_FIELDS, (self._points, self._points, self._cells), strict=True):
-                enough &= len(root[field]) >= steps * rows
+                enough &= len(file.item(f"VTKHDF/{field}")) >= steps * rows
         if not enough:
             raise SceneError(
                 f"'{self._path}' holds fewer fields or broken bars than the checkpoint records"
@@ -267,69 +270,115 @@ class Fields:
     time: float
     times: NDArray[np.float64]
 
+    @property
+    def fault(self) -> str:
+        """What no run writes unless it is stopped, in words; empty where all values are sound.
+
+        A run that the guard stops may end with values that are not finite.
+        """
+        for name in ("displacement", "velocity", "broken_fraction"):
+            values = getattr(self, name)
+            odd = int((~np.isfinite(values)).sum())
+            if odd:
+                return f"{odd} of {values.size} values of {name} are not finite"
+        if not ((self.broken_fraction >= 0) & (self.broken_fraction <= 1)).all():
+            return "shares of broken bars lie outside of 0 to 1"
+        return ""
+
 
 @dataclass(frozen=True)
 class BrokenBars:
-    """Failed bars: time_s (n,) [s], position_m (n, 3) [m], reference; bar (n,), its number."""
+    """Failed bars: time_s (n,) [s], position_m (n, 3) [m], reference; bar (n,), its number.
+
+    fault: what is wrong with them, in words; rows that are not whole are left out.
+    """
 
     time_s: NDArray[np.float64]
     position_m: NDArray[np.float64]
     bar: NDArray[np.uint8]
+    fault: str = ""
 
 
 def read_times(path: Path) -> NDArray[np.float64]:
-    """Times (S,) [s] of the stored steps.  Raises SceneError if the file is unreadable."""
-    with _reading(path) as file:
+    """Times (S,) [s] of the stored steps.  Raises DamagedFile if the file is unreadable."""
+    with reading(path) as file:
         return _times(file)
 
 
 def read_fields(path: Path, step: int = -1) -> Fields:
     """The fields of one step; a negative step counts from the end.
 
-    Raises SceneError if the file is unreadable or has no such step.
+    Raises DamagedFile if the file is unreadable, SceneError if it has no such step.
     """
-    with _reading(path) as file:
-        root, times = file["VTKHDF"], _times(file)
+    with reading(path) as file:
+        times = _times(file)
         if not -len(times) <= step < len(times):
             raise SceneError(f"'{path}' has {len(times)} field steps, there is no step {step}")
         step %= len(times)
-        points, hexahedra = root["Points"][:], root["Connectivity"][:].reshape(-1, 8)
+        points = file.take("VTKHDF/Points", (3,))
+        flat = file.take("VTKHDF/Connectivity", (), kinds="iu")
+        if len(flat) % 8 or len(points) == 0 or len(flat) == 0:
+            raise ValueError("VTKHDF/Connectivity has no whole modules")
+        if flat.min() < 0 or flat.max() >= len(points) or not np.isfinite(points).all():
+            raise ValueError("VTKHDF/Connectivity and Points do not fit")
 
-        def rows(field: str, count: int) -> Any:
-            start = int(root["Steps"][_offsets_of(field)][step])
-            return root[field][start : start + count]
+        def rows(field: str, count: int, width: tuple[int, ...]) -> Any:
+            offsets = file.take(f"VTKHDF/Steps/{_offsets_of(field)}", (), kinds="iu")
+            start = int(offsets[step]) if step < len(offsets) else -1
+            return file.take(f"VTKHDF/{field}", width, start=start, count=count)
 
         return Fields(
             points=points,
-            hexahedra=hexahedra,
-            displacement=rows("PointData/displacement_m", len(points)),
-            velocity=rows("PointData/velocity_m_s", len(points)),
-            broken_fraction=rows("CellData/broken_fraction", len(hexahedra)),
+            hexahedra=flat.reshape(-1, 8),
+            displacement=rows("PointData/displacement_m", len(points), (3,)),
+            velocity=rows("PointData/velocity_m_s", len(points), (3,)),
+            broken_fraction=rows("CellData/broken_fraction", len(flat) // 8, ()),
             time=float(times[step]),
             times=times,
         )
 
 
 def read_broken_bars(path: Path) -> BrokenBars:
-    """All bars that failed, in order of writing.  Raises SceneError if the file is unreadable."""
-    with _reading(path) as file:
-        group = file["BrokenBars"]
-        return BrokenBars(group["time_s"][:], group["position_m"][:], group["bar"][:])
+    """All bars that failed, in order of writing.  Raises DamagedFile if the file is unreadable."""
+    with reading(path) as file:
+        time = file.take("BrokenBars/time_s", ())
+        position = file.take("BrokenBars/position_m", (3,))
+        bar = file.take("BrokenBars/bar", (), kinds="iu")
+    count = min(len(time), len(position), len(bar))
+    faults = []
+    if not len(time) == len(position) == len(bar):
+        faults.append(f"its lists of broken bars have {len(time)}, {len(position)} and {len(bar)}")
+    time, position, bar = time[:count], position[:count], bar[:count]
+    sound = np.isfinite(time) & (time >= 0) & (np.abs(position) <= FARTHEST).all(axis=1)
+    sound &= (bar >= 0) & (bar < 14)
+    if not sound.all():
+        faults.append(f"{count - int(sound.sum())} of {count} broken bars have impossible values")
+    return BrokenBars(time[sound], position[sound], bar[sound], "; ".join(faults))
 
 
-def _times(file: h5py.File) -> NDArray[np.float64]:
-    steps = file["VTKHDF/Steps"]
-    times: NDArray[np.float64] = steps["Values"][: int(steps.attrs["NSteps"])]
+def fault_of(path: Path) -> str:
+    """What is wrong with fields that can be read, in words; empty where nothing is.
+
+    Only the last step is looked at. Raises DamagedFile if the file is unreadable.
+    """
+    bars, found = read_broken_bars(path), []
+    if len(read_times(path)):
+        fields = read_fields(path)
+        low, high = fields.points.min(axis=0), fields.points.max(axis=0)
+        near = 0.01 * (high - low).max()  # rounding
+        outside = ((bars.position_m < low - near) | (bars.position_m > high + near)).any(axis=1)
+        if outside.any():
+            found.append(f"{int(outside.sum())} broken bars lie outside of the plate")
+        found.append(fields.fault)
+    return "; ".join(filter(None, [bars.fault, *found]))
+
+
+def _times(file: Arrays) -> NDArray[np.float64]:
+    group = file.item("VTKHDF/Steps")
+    count = group.attrs["NSteps"]
+    if not isinstance(count, np.integer):
+        raise ValueError("VTKHDF/Steps has no number of steps")
+    times: NDArray[np.float64] = file.take("VTKHDF/Steps/Values", (), count=int(count))
+    if not (np.isfinite(times).all() and (np.diff(times) > 0).all() and (times >= 0).all()):
+        raise ValueError("the times of its steps do not increase")
     return times
-
-
-@contextmanager
-def _reading(path: Path) -> Iterator[h5py.File]:
-    """`h5py.File` for reading; what fails, inside the block too, becomes a one-line SceneError."""
-    try:
-        # Without HDF5's lock a viewer never stops a run from writing, nor the other way.
-        with h5py.File(path, "r", locking=False) as file:
-            yield file
-    except (OSError, KeyError) as error:
-        reason = str(error.args[-1]) if Path(path).exists() else "there is no such file"
-        raise SceneError(f"cannot read fields from '{path}': {reason}") from None

@@ -20,7 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_ldem.errors import SceneError
+from taichi_ldem.errors import DamagedFile, SceneError
+from taichi_ldem.reading import Named, read_object, refuse_special
+from taichi_ldem.scene import Scene, load_tables, parse_scene
 from taichi_ldem.storage.checkpoint import LATEST, NEW, PREVIOUS
 from taichi_ldem.storage.durable import LOCK, TEMPORARY, locked, refuse_locked, write_whole
 from taichi_ldem.storage.history import read_history
@@ -163,8 +165,9 @@ class RunFolder:
         if not folder.path.is_dir():
             raise SceneError(f"'{path}' is no run folder: there is no such folder")
         for file in (folder.scene_file, folder.history_file):
-            if not file.is_file():
+            if not file.exists():
                 raise SceneError(f"'{path}' is no run folder: it has no {file.name}")
+            refuse_special(file)
         return folder
 
     @property
@@ -209,7 +212,12 @@ class RunFolder:
 
     def processes(self) -> list[Any]:
         """What ``run.json`` says of each process that has worked on the run, the first first."""
-        return list(self._record().get("processes", []))
+        if not self.provenance_file.exists():
+            return []
+        earlier = read_object(self.provenance_file).get("processes")
+        if not isinstance(earlier, list):
+            raise DamagedFile(f"'{self.provenance_file}' has no list of processes")
+        return earlier
 
     def own_files(self) -> list[str]:
         """Names of the files that the run has written or may write, as its record lists them.
@@ -243,8 +251,8 @@ class RunFolder:
     def _record(self) -> dict[str, Any]:
         """The contents of ``run.json`` as far as they have the right shape."""
         found: Any = None
-        with suppress(OSError, ValueError, RecursionError):
-            found = json.loads(self.provenance_file.read_text(encoding="utf-8"))
+        with suppress(OSError, DamagedFile):
+            found = read_object(self.provenance_file)
         if not isinstance(found, dict) or not isinstance(found.get("processes"), list):
             return {}
         lists = {key: found[key] for key in ("processes", "files") if key in found}
@@ -266,6 +274,10 @@ class RunFolder:
             return {tag: str(run[key]) for key, tag in tags.items() if run[key]}
         return {}
 
+    def read_scene(self) -> Scene:
+        """The resolved scene; errors as for ``read_scene``."""
+        return read_scene(self.scene_file)
+
     def write_scene(self, text: str) -> None:
         """Write the resolved scene (TOML)."""
         write_whole(self.scene_file, text.encode())
@@ -277,15 +289,14 @@ class RunFolder:
 
     def read_summary(self) -> dict[str, Any]:
         """The summary; empty where the run has not finished.  Raises SceneError if unreadable."""
-        if not self.summary_file.is_file():
-            return {}
-        try:
-            summary = json.loads(self.summary_file.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            raise SceneError(f"cannot read '{self.summary_file}': {error}") from None
-        if not isinstance(summary, dict):
-            raise SceneError(f"'{self.summary_file}' holds no table of numbers")
-        return summary
+        summary = read_object(self.summary_file) if self.summary_file.exists() else {}
+        for key, value in summary.items():
+            if _LIST.search(key):
+                if not _are_numbers(value):
+                    raise DamagedFile(f"'{self.summary_file}': {key} is no list of numbers")
+            elif _MEASURE.search(key) and not _are_numbers([value]):
+                raise DamagedFile(f"'{self.summary_file}': {key} is no number")
+        return Named(self.summary_file, "number", summary)
 
     def read_history(self) -> dict[str, NDArray[np.float64]]:
         """Columns of `history.csv` by header name, each (n,); see `history.read_history`."""
@@ -295,6 +306,35 @@ class RunFolder:
 def _is_plain(name: Any) -> bool:
     """Whether a name from a record is that of a file in the folder itself."""
     return isinstance(name, str) and name not in ("", ".", "..") and not {"/", "\\", "\0"} & {*name}
+
+
+_MEASURE = re.compile(r"_(j_m2|m_s|m2|pa|m|n|j|s)$|_cracks$|^broken_bars|^bars|^nodes|^steps")
+"""Names of a summary's numbers, which end in their unit, and of its counts."""
+
+
+_LIST = re.compile(r"^(probes_m|frequencies_hz|residuals)$|_centre_m$")
+"""Names of its lists of numbers."""
+
+
+def _are_numbers(value: Any) -> bool:
+    """Whether a value is a list of numbers, or null; null may also stand in the list."""
+    kinds = (int, float, type(None))
+    return value is None or (isinstance(value, list) and all(type(item) in kinds for item in value))
+
+
+def read_scene(path: Path) -> Scene:
+    """The scene in a file that this program wrote.
+
+    Raises:
+        DamagedFile: it is no TOML file.
+        SceneError: it has been edited, and is no scene that can be run.
+    """
+    refuse_special(path)
+    try:
+        tables = load_tables(path)
+    except SceneError as error:
+        raise DamagedFile(str(error)) from None
+    return parse_scene(tables, path.name)
 
 
 def _plain(value: Any) -> Any:

@@ -27,6 +27,7 @@ import numpy as np
 from taichi_ldem.model import material as mat
 from taichi_ldem.model.cell import CELLS
 from taichi_ldem.model.lattice import Lattice, prism
+from taichi_ldem.reading import read_object
 from taichi_ldem.scenarios.bend import notch_depth
 from taichi_ldem.scenarios.interrupts import Signalled, run_child
 from taichi_ldem.scene import Scene, load_scene, parse_scene, scene_to_toml
@@ -214,7 +215,7 @@ def read(specimens: Sequence[Specimen], base: Scene, folder: Path) -> list[Row]:
     for specimen in specimens:
         files = [folder / specimen.name / name for name in ("summary.json", "statics.json")]
         if all(file.exists() for file in files):
-            summary, static = (json.loads(file.read_text()) for file in files)
+            summary, static = map(read_object, files)
             rows.append(evaluate(specimen.scene(base), summary, static))
     return rows
 
@@ -342,7 +343,7 @@ def main() -> None:
     beams = [SPECIMENS[number] for number in options.specimens]
     specimens = [Specimen(*beam, spacing) for spacing in options.spacings for beam in beams]
     extra = ["--threads", str(options.threads)] if options.threads else []
-    finished = [json.loads((folder / "summary.json").read_text()) for folder in options.beside]
+    finished = [read_object(folder / "summary.json") for folder in options.beside]
     others = [row for numbers in finished for row in numbers["specimens"]]
     with courteous():
         try:

@@ -10,7 +10,7 @@ from studies import bias, size_effect
 from studies import specimens as specimens_study
 from taichi_ldem.analysis.cracks import RadialCrack
 from taichi_ldem.ensemble.attempt import FINISHED
-from taichi_ldem.ensemble.plan import CV, SEED
+from taichi_ldem.ensemble.axes import CV, SEED
 from taichi_ldem.ensemble.results import Row
 from taichi_ldem.errors import SceneError
 from taichi_ldem.scene import load_scene

@@ -1,15 +1,24 @@
 """The Python interface, in processes of their own: it starts Taichi, which the tests share."""
 
+import copy
 import os
+import pickle
 import re
 import subprocess
 import sys
+import threading
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 from support.paths import ROOT
+from support.refusals import one_line
 
-from taichi_ldem import Scene, SceneError
+from taichi_ldem import Scene, SceneError, Simulation, run
 from taichi_ldem.scene import parse_scene
+from taichi_ldem.solver import backend
 
 EXAMPLES = """
 import runpy, sys
@@ -64,6 +73,165 @@ def test_importing_the_package_is_quick_and_imports_nothing() -> None:
     assert first.startswith("set()")
     assert "Simulation" in first
     assert rest == ["False", "False"]
+
+
+class Engine:
+    """Stands in for the solver: samples at 0, 1, 2, 3 s in steps of a quarter of a second."""
+
+    time_step = 0.25
+
+    def __init__(self) -> None:
+        self.time = 0.0
+        self.dynamics = SimpleNamespace(masses=lambda: np.arange(8.0).reshape(2, 2, 2, 1))
+
+    def samples(self) -> Iterator[SimpleNamespace]:
+        while self.time <= 3.0:
+            at = float(np.ceil(self.time))
+            self.time = at + self.time_step
+            yield SimpleNamespace(time=at)
+
+    def advance(self, count: int) -> None:
+        self.time += count * self.time_step
+
+    def guard(self, sample: object) -> None:
+        pass
+
+
+@pytest.fixture
+def simulation(monkeypatch: pytest.MonkeyPatch) -> Simulation:
+    """A simulation without Taichi."""
+    made = object.__new__(Simulation)
+    made._engine, made._samples, made._callbacks = Engine(), [], []
+    made._exists = np.ones((2, 2, 2, 1), dtype=bool)
+    monkeypatch.setattr(Simulation, "history", property(lambda self: len(self._samples)))
+    return made
+
+
+def test_running_until_a_time_that_has_passed_takes_no_step(simulation: Simulation) -> None:
+    assert simulation.run(until=1.0) == 2
+    reached = simulation.time
+    for passed in (1.0, 0.5, 0, -1.0, float("-inf"), np.float32(1.0)):
+        assert simulation.run(until=passed) == 2
+        assert simulation.time == reached
+    assert simulation.run(until=2.0) == 3
+    for no_time in (float("nan"), np.nan):
+        with pytest.raises(ValueError, match="until = nan: must be a time in seconds"):
+            simulation.run(until=no_time)
+    with pytest.raises(TypeError, match="integer"):
+        simulation.step(1.5)  # type: ignore[arg-type]
+    assert simulation.time == 2.25
+    assert simulation.run() == 4
+
+
+def test_the_masses_of_nodes_are_public(simulation: Simulation) -> None:
+    np.testing.assert_array_equal(simulation.masses, np.arange(8.0))
+
+
+def in_a_thread(work: Callable[[], object]) -> list[object]:
+    """What work returns, or raises, in another thread."""
+    found: list[object] = []
+
+    def catch() -> None:
+        try:
+            found.append(work())
+        except Exception as error:
+            found.append(error)
+
+    thread = threading.Thread(target=catch, name="other")
+    thread.start()
+    thread.join(10)
+    return found
+
+
+def test_a_second_thread_is_refused_while_the_first_works(simulation: Simulation) -> None:
+    refused: list[object] = []
+    tried = (
+        lambda: Simulation(ELASTIC),
+        lambda: simulation.run(),
+        lambda: simulation.masses,
+        lambda: run(ELASTIC, "nowhere"),
+    )
+    simulation._callbacks = [lambda *_: refused.extend(e for f in tried for e in in_a_thread(f))]
+    simulation.run(until=0.0)
+    assert len(refused) == len(tried)
+    for error in refused:
+        assert isinstance(error, RuntimeError)
+        assert "another thread is using a simulation" in str(error)
+        assert "\n" not in str(error)
+    assert in_a_thread(lambda: simulation.run(until=1.0)) == [2]  # later it may
+
+
+def test_a_simulation_that_another_thread_has_open_is_not_closed(simulation: Simulation) -> None:
+    simulation._thread = threading.current_thread()
+    Simulation._open.add(simulation)
+    try:
+        (error,) = in_a_thread(lambda: Simulation(ELASTIC))
+    finally:
+        Simulation._open.discard(simulation)
+    assert isinstance(error, RuntimeError)
+    assert "a simulation is open in the thread 'MainThread'" in str(error)
+
+
+def test_two_redirections_of_stdout_do_not_overlap() -> None:
+    before = os.fstat(1)
+    inside, leave = threading.Event(), threading.Event()
+
+    def first() -> None:
+        with backend._silent_stdout():
+            inside.set()
+            leave.wait(10)
+
+    def second() -> None:
+        with backend._silent_stdout():
+            pass
+
+    threads = [threading.Thread(target=work) for work in (first, second)]
+    threads[0].start()
+    assert inside.wait(10)
+    threads[1].start()
+    leave.set()
+    for thread in threads:
+        thread.join(10)
+    assert os.path.samestat(os.fstat(1), before)
+
+
+ELASTIC: dict[str, Any] = {
+    "scenario": "impact",
+    "plate": {"size": [1e-3] * 3, "modules_through_thickness": 2},
+    "material": {
+        "youngs_modulus": 3e9,
+        "poisson_ratio": 0.25,
+        "density": 1e3,
+        "damage": False,
+    },
+    "solver": {"duration": 1e-5},
+}
+
+
+def test_numpys_numbers_are_taken_in_a_scene() -> None:
+    tables = {name: dict(v) if isinstance(v, dict) else v for name, v in ELASTIC.items()}
+    tables["plate"] |= {"size": np.full(3, 1e-3), "modules_through_thickness": np.int64(2)}
+    tables["material"] |= {"damage": np.bool_(False), "density": np.float32(1e3)}
+    assert Scene(**tables) == parse_scene(tables) == parse_scene(ELASTIC)
+    tables["plate"]["modules_through_thickness"] = np.float64(2.5)
+    with pytest.raises(SceneError, match=r"modules_through_thickness = 2\.5: must be a whole"):
+        Scene(**tables)
+
+
+def test_a_scene_made_from_tables_is_refused_in_one_line() -> None:
+    held: list[object] = []
+    held.append(held)
+    for change, message in (
+        ({"plate": {"size": [1e-3] * 2, "modules_through_thickness": 2}}, "must be a list of 3"),
+        ({"plate": held}, "scene: nested too deeply"),
+        ({"plat": {}}, "unknown key 'plat'"),
+        ({"solver": {}}, "missing key 'solver.duration'"),
+    ):
+        with pytest.raises(SceneError) as error:
+            Scene(**(ELASTIC | change))
+        assert message in one_line(error)
+    made = Scene(**ELASTIC)
+    assert pickle.loads(pickle.dumps(made)) == copy.deepcopy(made) == made.model_copy() == made
 
 
 def test_an_unknown_name_is_refused() -> None:

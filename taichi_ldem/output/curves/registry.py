@@ -40,7 +40,7 @@ def _has_section(run: LoadedRun) -> bool:
 
 
 def _has_fields(run: LoadedRun) -> bool:
-    return run.scene.material.damage and run.folder.fields_file.is_file()
+    return run.scene.material.damage and run.folder.fields_file.exists()
 
 
 def _has_pulse(run: LoadedRun) -> bool:

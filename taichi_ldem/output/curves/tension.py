@@ -18,7 +18,7 @@ def stress_strain(run: LoadedRun) -> tuple[Panel, ...]:
     from taichi_ldem.analysis.stress_strain import curve, rows_until_parted
 
     section = float(run.summary["net_section_m2"])
-    found = curve(dict(run.history))
+    found = curve(run.history)
     strain, stress = 100 * found.strain, 1e-6 * found.force / section
     end = rows_until_parted(found.force)
     peak = int(np.argmax(stress[:end]))

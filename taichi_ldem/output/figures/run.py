@@ -40,7 +40,8 @@ def plot_run(folder: RunFolder) -> list[Path]:
         if FIGURES[name].needs(run):
             file, size = folder.path / f"{name}.png", FIGURES[name].size
             metadata = folder.picture_metadata()
-            written.append(save(file, _drawing(name, run), size=size, metadata=metadata))
+            with run.drawing(f"the figure {name}"):
+                written.append(save(file, _drawing(name, run), size=size, metadata=metadata))
     return written
 
 
@@ -48,7 +49,14 @@ def _drawing(name: str, run: LoadedRun) -> Callable[[Figure], None]:
     panels = FIGURES[name].panels
     if panels is not None:
         return partial(draw_panels, panels=panels(run))
-    return partial(_DRAWN_HERE[name], run=run)
+    return partial(_drawn_here, name=name, run=run)
+
+
+def _drawn_here(figure: Figure, name: str, run: LoadedRun) -> None:
+    """A figure that panels cannot describe; those from fields say where these are damaged."""
+    _DRAWN_HERE[name](figure, run)
+    if name in _OF_FIELDS and run.fault:
+        figure.text(0.01, 0.99, run.fault, ha="left", va="top", color="red", fontsize=11)
 
 
 def _draw_cracks(figure: Figure, run: LoadedRun) -> None:
@@ -82,3 +90,6 @@ _DRAWN_HERE: dict[str, Callable[..., None]] = {
     "anisotropy": lambda figure, run: wave.draw_anisotropy(figure, run.scene),
 }
 """Figures that panels cannot describe."""
+
+_OF_FIELDS = ("crack_map", "cracks", "crack_growth")
+"""Those of them that are made from the fields."""

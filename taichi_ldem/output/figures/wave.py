@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from taichi_ldem.errors import DamagedFile
 from taichi_ldem.model import waves
 from taichi_ldem.output.loaded import LoadedRun
 from taichi_ldem.scene import Material, Scene
+from taichi_ldem.storage.history import read_table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,18 +28,21 @@ _EXACT, _RUN = "C3", "C0"
 
 def draw_pulse(figure: "Figure", run: LoadedRun) -> None:
     """Snapshots of the pulse along its axis, from profiles.csv, with the exact ones."""
-    from taichi_ldem.scenarios.wave import Packet
+    from taichi_ldem.scenarios.wave import PROFILES, Packet
 
-    table = np.genfromtxt(run.folder.path / "profiles.csv", delimiter=",", names=True)
+    file = run.folder.path / "profiles.csv"
+    table = read_table(file)
     packet = Packet(run.scene)
     times = np.unique(table["time_s"])
+    if len(times) > PROFILES:
+        raise DamagedFile(f"'{file}' has {len(times)} times, and a run writes {PROFILES} at most")
     fine = np.linspace(*packet.ends, 401)
-    exact = packet.signal(fine, run.summary["time_step_s"], times)
+    exact = packet.signal(fine, run.positive("time_step_s"), times)
     scale = np.abs(exact[0]).max()
     exact /= scale
     panels = np.atleast_1d(figure.subplots(len(times), 1, sharex=True, sharey=True))
     for axes, at, line in zip(panels, times, exact, strict=True):
-        rows = table[table["time_s"] == at]
+        rows = {name: values[table["time_s"] == at] for name, values in table.items()}
         axes.plot(1e3 * fine, line, color=_EXACT, lw=2.5, alpha=0.5)
         axes.plot(1e3 * rows["position_m"], rows["displacement_m"] / scale, ".", color=_RUN, ms=5)
         for probe in packet.pulse.probes:
@@ -59,15 +64,15 @@ def draw_dispersion(figure: "Figure", run: LoadedRun) -> None:
     """Phase speed over wavelength, between the probes and exact, and the error below."""
     scene, summary = run.scene, run.summary
     upper, lower = _two_panels(figure)
-    rows, spacing = summary["dispersion"], scene.plate.spacing
-    step = summary["time_step_s"]
+    rows, spacing = _measured(run), scene.plate.spacing
+    step = run.positive("time_step_s")
     shortest = min((r["wavelength_modules"] for r in rows), default=4.0)
     modules = np.geomspace(200, 0.85 * shortest, 60)
     k = 2 * np.pi / (modules * spacing)
     for omega, style, label in _branches(scene, k):
         discrete = waves.discrete_frequency(omega, step)
         upper.plot(modules, discrete / k, style, label=label)
-    name, speed = summary["long_wave_formula"], summary["long_wave_speed_m_s"]
+    name, speed = summary["long_wave_formula"], run.positive("long_wave_speed_m_s")
     upper.axhline(speed, color="0.4", lw=1, ls="--", label=f"continuum, {name} = {speed:.0f} m/s")
     if scene.pulse is not None and scene.pulse.kind == "bar":
         _rayleigh_love(upper, scene, k, modules, speed)
@@ -77,6 +82,19 @@ def draw_dispersion(figure: "Figure", run: LoadedRun) -> None:
     upper.set_ylim(0.93 * min(measured, default=speed), 1.02 * speed)
     lower.plot(at, [100 * r["error"] for r in rows], "o-", color=_RUN)
     figure.legend(loc="outside lower center", ncols=2, fontsize=11)
+
+
+def _measured(run: LoadedRun) -> list[dict[str, float]]:
+    """The summary's rows on dispersion; DamagedFile where they are no such rows."""
+    rows = run.summary["dispersion"]
+    names = {"wavelength_modules", "measured_m_s", "error"}
+    for row in rows if isinstance(rows, list) else [rows]:
+        whole = isinstance(row, dict) and names <= row.keys()
+        if not whole or not all(type(row[name]) in (int, float) for name in names):
+            raise DamagedFile(f"'{run.folder.summary_file}': dispersion is no list of measurements")
+        if not 1 <= row["wavelength_modules"] <= _LONG:
+            raise DamagedFile(f"'{run.folder.summary_file}': dispersion has an impossible length")
+    return list(rows)
 
 
 def _two_panels(figure: "Figure") -> tuple["Axes", "Axes"]:

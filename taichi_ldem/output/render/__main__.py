@@ -24,7 +24,7 @@ from taichi_ldem.output.render.scales import Scale, damage_scale, scale_of
 from taichi_ldem.output.render.shading import centre, panel_image
 from taichi_ldem.output.render.surfaces import exterior, notched
 from taichi_ldem.output.render.views import VIEWS, Shot, View, view_of
-from taichi_ldem.scene import Scene, load_scene
+from taichi_ldem.scene import Scene
 from taichi_ldem.solver.backend import vulkan_device
 from taichi_ldem.storage.fields import Fields, read_fields
 from taichi_ldem.storage.folder import RunFolder
@@ -42,8 +42,8 @@ class _Run:
 
     @classmethod
     def read(cls, folder: RunFolder) -> _Run:
-        history = folder.read_history() if folder.history_file.is_file() else {}
-        return cls(folder, load_scene(folder.scene_file), history)
+        history = folder.read_history() if folder.history_file.exists() else {}
+        return cls(folder, folder.read_scene(), history)
 
     def fields(self, step: int) -> Fields:
         """Fields of a step; the modules that a notch cuts count as broken."""
@@ -91,6 +91,9 @@ def _draw(
     behind = "behind the cut pale blue: faces, brown: walls of cracks" if view.faces_its_cut else ""
     explained = ";  ".join(filter(None, (bodies.caption(), behind)))
     figure.text(0.5, 0.936, explained, ha="center", va="center", fontsize=15)
+    if fields.fault:
+        note = f"{run.folder.fields_file.name} is damaged: {fields.fault}"
+        figure.text(0.5, 0.905, note, ha="center", va="center", fontsize=14, color="red")
     figure.savefig(picture, metadata=run.folder.picture_metadata())
 
 

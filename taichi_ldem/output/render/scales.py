@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_ldem.output.render.surfaces import FAILED_SHARE, holding
-from taichi_ldem.scene import Scene, load_scene
+from taichi_ldem.scene import Scene
 from taichi_ldem.storage.fields import Fields, read_fields
 from taichi_ldem.storage.folder import RunFolder
 
@@ -99,7 +99,7 @@ def scale_of(folder: RunFolder, steps: Sequence[int], colour: Colour) -> Scale:
 
     if colour == "damage":
         return damage_scale()
-    value = speed if colour == "velocity" else _energy_of(load_scene(folder.scene_file))
+    value = speed if colour == "velocity" else _energy_of(folder.read_scene())
     top = 0.0
     for step in steps:
         fields = read_fields(folder.fields_file, step)

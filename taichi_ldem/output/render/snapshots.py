@@ -24,9 +24,8 @@ from numpy.typing import NDArray
 from taichi_ldem.errors import SceneError
 from taichi_ldem.output.render.names import EXIT_NO_DEVICE, milliseconds, shot_name, view_name
 from taichi_ldem.output.render.views import VIEWS, Shot
-from taichi_ldem.scene import load_scene
 from taichi_ldem.storage.durable import write_whole
-from taichi_ldem.storage.fields import read_times
+from taichi_ldem.storage.fields import read_fields, read_times
 from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.storage.place import current, unlink
 
@@ -109,7 +108,7 @@ def render_shots_into(
     """
     if times is None:
         stored = read_times(folder.fields_file)
-        times = [*load_scene(folder.scene_file).output.image_times, *map(float, stored[-1:])]
+        times = [*folder.read_scene().output.image_times, *map(float, stored[-1:])]
     with tempfile.TemporaryDirectory() as scratch:
         drawn = {
             f"shot_{milliseconds(time)}ms_{shot.name}.png": picture
@@ -127,7 +126,7 @@ def _steps(folder: RunFolder, times: Sequence[float] | None) -> list[tuple[int, 
     if not stored.size:
         return []
     if times is None:
-        times = [*load_scene(folder.scene_file).output.image_times, float(stored[-1])]
+        times = [*folder.read_scene().output.image_times, float(stored[-1])]
     _warn_of_other_times(stored, times)
     nearest = sorted({int(np.abs(stored - time).argmin()) for time in times})
     return [(step, float(stored[step])) for step in nearest]
@@ -146,10 +145,28 @@ def _warn_of_other_times(stored: NDArray[np.float64], times: Sequence[float]) ->
             )
 
 
+def _read_ahead(folder: RunFolder, steps: Sequence[int]) -> None:
+    """Read what the child will read: a file that is damaged is refused here, by its name."""
+    folder.read_scene()
+    folder.processes()
+    if folder.history_file.exists():
+        folder.read_history()
+    for step in steps:
+        fields = read_fields(folder.fields_file, step)
+        if fields.fault:
+            name = f"'{folder.fields_file}' is damaged at {milliseconds(fields.time)} ms"
+            print(f"warning: {name}: {fields.fault}; the picture says so", file=sys.stderr)
+
+
 def _draw_in_child(
     folder: RunFolder, steps: Sequence[int], count: int, shot: str, into: Path
 ) -> str:
-    """Draw in a child process. Returns one line on what went wrong, or nothing."""
+    """Draw in a child process. Returns one line on what went wrong, or nothing.
+
+    Raises:
+        SceneError: a file of the run cannot be read.
+    """
+    _read_ahead(folder, steps)
     command = [
         sys.executable,
         "-m",

@@ -15,6 +15,7 @@ from taichi_ldem.errors import SceneError
 from taichi_ldem.output.loaded import LoadedRun
 from taichi_ldem.output.render.surfaces import FAILED_SHARE
 from taichi_ldem.output.report.page import Picture, Snapshots
+from taichi_ldem.reading import read_bytes
 from taichi_ldem.storage.fields import read_fields, read_times
 from taichi_ldem.storage.folder import RunFolder
 
@@ -27,7 +28,7 @@ MISSING = (
 
 def embedded(file: Path) -> str:
     """A PNG as a data address."""
-    return _address(file.read_bytes(), "png")
+    return _address(read_bytes(file), "png")
 
 
 def _address(data: bytes, kind: str) -> str:
@@ -46,7 +47,7 @@ def snapshots(run: LoadedRun, most: int) -> tuple[list[Snapshots], str]:
     from taichi_ldem.output.render.views import Shot
 
     folder, scene = run.folder, run.scene
-    if most < 1 or not folder.fields_file.is_file() or not run.drawn:
+    if most < 1 or not folder.fields_file.exists() or not run.drawn:
         return [], ""
     stored = read_times(folder.fields_file)
     if not stored.size:

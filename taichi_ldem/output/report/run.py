@@ -13,15 +13,19 @@ from pathlib import Path
 from typing import Any
 
 from taichi_ldem.analysis.quantities import named
+from taichi_ldem.errors import DamagedFile
 from taichi_ldem.output.curves.registry import FIGURES
 from taichi_ldem.output.curves.times import events_of
 from taichi_ldem.output.loaded import LoadedRun, Series
 from taichi_ldem.output.report import images, plots, tables
 from taichi_ldem.output.report.page import Page, Picture, Table
 from taichi_ldem.output.report.write import template, write_page
+from taichi_ldem.reading import read_text
 from taichi_ldem.scenarios.describe import implied, left_out, warnings
 from taichi_ldem.scenarios.registry import SCENARIOS
-from taichi_ldem.scene import DISORDERED, Scene, load_scene
+from taichi_ldem.scene import DISORDERED, Scene
+from taichi_ldem.storage.arrays import reading
+from taichi_ldem.storage.checkpoint import LATEST
 from taichi_ldem.storage.folder import RunFolder
 
 PICTURES = 12
@@ -42,15 +46,17 @@ def write_report(folder: Path, out: Path | None = None, *, pictures: int = PICTU
     """
     template()  # a missing package ends the command before the pictures are drawn
     run = LoadedRun.read(_open(folder), most_rows=_MOST_ROWS)
+    with run.drawing("the page"):
+        page = run_page(run, pictures)
     if out is None:
         out = folder / "report.html"
         run.folder.claim([out.name])
-    return write_page(run_page(run, pictures), out)
+    return write_page(page, out)
 
 
 def _open(path: Path) -> RunFolder:
     folder = RunFolder(path)
-    if folder.scene_file.is_file() and load_scene(folder.scene_file).scenario == "modes":
+    if folder.scene_file.exists() and folder.read_scene().scenario == "modes":
         return folder  # has no history
     return RunFolder.open(path)
 
@@ -70,9 +76,9 @@ def run_page(run: LoadedRun, pictures: int) -> Page:
             Table(list(implied(scene).items()), caption="What the inputs imply"),
             tables.keys(scene),
         ],
-        notes=warnings(scene),
+        notes=[*warnings(scene), *filter(None, [run.fault])],
         left_out=left_out(scene),
-        scene=folder.scene_file.read_text(encoding="utf-8"),
+        scene=read_text(folder.scene_file),
         times=[float(t) for t in run.history.get("time_s", ())],
         readings=_readings(run.history),
         events=events_of(summary),
@@ -134,13 +140,11 @@ def _random(scene: Scene, folder: RunFolder) -> str:
 
 
 def _drawn(folder: RunFolder) -> list[tuple[float, float]]:
-    """Mean and CV of the random factors, from the last checkpoint; empty without one."""
-    import h5py
-
+    """Mean and CV of the random factors, from the last checkpoint; empty where it has none."""
     try:
-        with h5py.File(folder.path / "checkpoint.h5", "r") as file:
-            return [(float(mean), float(cv)) for mean, cv in file["state/clock/drawn"][()]]
-    except (OSError, KeyError, ValueError):
+        with reading(folder.path / LATEST) as file:
+            return [(float(mean), float(cv)) for mean, cv in file.take("state/clock/drawn", (2,))]
+    except DamagedFile:
         return []
 
 

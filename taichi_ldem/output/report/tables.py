@@ -12,6 +12,7 @@ from taichi_ldem.analysis import paper
 from taichi_ldem.analysis.quantities import AT_T2, MEASURED_AT_END, at_end, named, unit_of
 from taichi_ldem.output.loaded import LoadedRun, number
 from taichi_ldem.output.report.page import Table
+from taichi_ldem.reading import read_text
 from taichi_ldem.scene import Scene
 
 _CARDS = (
@@ -104,7 +105,7 @@ def happened(run: LoadedRun) -> list[Table]:
     if run.scene.scenario == "impact" and run.is_papers_test:
         tables.append(_comparison(run.summary))
     modes = run.folder.path / "modes.csv"
-    if modes.is_file():
+    if modes.exists():
         tables.append(_csv_table(modes, "Natural frequencies"))
     rows = [
         (named(key).label, named(key).shown(value), named(key).unit, key)
@@ -181,7 +182,7 @@ def provenance(process: Mapping[str, Any]) -> Table:
 
 
 def _csv_table(file: Path, caption: str) -> Table:
-    rows = list(csv.reader(io.StringIO(file.read_text(encoding="utf-8"))))
+    rows = list(csv.reader(io.StringIO(read_text(file))))
     body = [tuple(_short(cell) for cell in row) for row in rows[1:]]
     return Table(body, tuple(rows[0]) if rows else (), caption)
 

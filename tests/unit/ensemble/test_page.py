@@ -3,10 +3,15 @@
 import json
 from pathlib import Path
 
+import pytest
+
 from taichi_ldem.ensemble import page
+from taichi_ldem.errors import DamagedFile
 
 
-def test_an_ensemble_has_a_page(tmp_path: Path) -> None:
+@pytest.fixture
+def many(tmp_path: Path) -> Path:
+    """The folder of an ensemble, of which only the tables are there."""
     many = tmp_path / "many"
     many.mkdir()
     (many / "ensemble.csv").write_text("name,failure_time_s,wall_s,state\na,0.0071234567,9,done\n")
@@ -32,6 +37,10 @@ def test_an_ensemble_has_a_page(tmp_path: Path) -> None:
     }
     (many / "ensemble.json").write_text(json.dumps(record))
     (many / "members" / "a").mkdir(parents=True)
+    return many
+
+
+def test_an_ensemble_has_a_page(many: Path) -> None:
     text = page.write_report(many).read_text(encoding="utf-8")
     assert '<a href="members/a">a</a>' in text
     assert text.count(">What was asked<") == 2  # the heading and the way to it
@@ -59,3 +68,23 @@ def test_groups_with_cracks_measured_at_the_end_are_marked() -> None:
     table = page._group(group, starred=True)
     assert table.rows == [("radial cracks*", "", "3", "5", "0.200", "4.50 to 5.50", "5 to 5")]
     assert "no failure by the strain energy" in table.caption
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "what"),
+    [
+        ("ensemble.json", '"mean"', '"men"', "does not hold the statistics of an ensemble"),
+        ("ensemble.json", '"groups": [', '"groups": [3, ', "does not hold the statistics"),
+        ("ensemble.json", '"asked": {', '"asked": 3, "x": {', "does not hold the statistics"),
+        ("ensemble.csv", "name,", "nam,", "row 1 does not fit its header"),
+        ("ensemble.csv", "name,", "name,x,", "row 1 does not fit its header"),
+    ],
+)
+def test_a_damaged_record_is_named(many: Path, name: str, old: str, new: str, what: str) -> None:
+    text = (many / name).read_text()
+    assert old in text
+    (many / name).write_text(text.replace(old, new, 1))
+    with pytest.raises(DamagedFile) as error:
+        page.write_report(many)
+    assert name in str(error.value)
+    assert what in str(error.value)

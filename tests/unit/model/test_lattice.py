@@ -189,3 +189,24 @@ def test_a_prism_cut_along_a_diagonal() -> None:
     assert (u.min(), u.max(), v.min(), v.max()) == (-21, 21, -5, 5)
     assert mask[0].sum() == 22 * 5 + 21 * 6
     np.testing.assert_array_equal(mask[0], mask[0].T)
+
+
+def test_thousands_of_notches_look_at_the_bars_near_them_only(monkeypatch) -> None:
+    """5000 notches took minutes: each was compared with the whole lattice."""
+    lattice = Lattice(np.ones((4, 9, 12), dtype=bool), 0.5)
+    rng = np.random.default_rng(3)
+    planes = []
+    for _ in range(300):
+        axis, turn = int(rng.integers(3)), float(rng.choice([0.0, 0.3, np.pi / 4]))
+        lower = np.round(rng.uniform(-4, 2, 2) / 0.25) * 0.25
+        position = float(np.round(rng.uniform(-3.5, 3.5) / 0.125) * 0.125)
+        planes.append((axis, position, tuple(lower), tuple(lower + rng.uniform(0, 4, 2)), turn))
+    planes.append((2, 0.7, (-1e20, -1e20), (1e20, 1e20), 0.0))
+    near = [lattice.bars_crossing(*plane) for plane in planes]
+    assert 50 < sum(bool(cut.any()) for cut in near) < 301
+    wide = Lattice(np.ones((4, 40, 40), dtype=bool), 0.5)
+    part = wide._sites_near(np.array([[0.2, 0.3, 0.4], [0.3, 0.4, 0.5]]))
+    assert np.ones(wide.sites)[part].size < 0.05 * np.prod(wide.sites)
+    monkeypatch.setattr(Lattice, "_sites_near", lambda self, places: (slice(None),) * 3)
+    for plane, cut in zip(planes, near, strict=True):
+        np.testing.assert_array_equal(cut, lattice.bars_crossing(*plane))

@@ -15,7 +15,7 @@ def test_the_report_compares_with_the_paper(tmp_path: Path) -> None:
     (run.path / "force.png").write_bytes(b"picture")
     failed = {"ensemble": "ended with exit code 5"}
     items = chosen("fig2,fig11,fig12,fig16")
-    text = write(items, Context(tmp_path), failed)
+    text = write(items, Context(tmp_path), failed).text
     # of the synthetic summary, the paper's text and its Table 1
     assert "| P1 [N] | 605 | 600 |  | +1 % from the paper |" in text
     t2 = "| t2 (force) [ms] | none | 7.50 | 6.40 to 9.40 |"
@@ -41,7 +41,22 @@ def test_table_2_averages_pairs(tmp_path: Path) -> None:
         "frequencies_hz": [1.7e3, 3.4e3, 3.6e3, 9.0],
     }
     (folder / "summary.json").write_text(json.dumps(summary))
-    text = write(chosen("table2"), Context(tmp_path), {})
+    text = write(chosen("table2"), Context(tmp_path), {}).text
     assert "| mode (0, 0) [kHz] | 1.700 | 1.460 |  | +16 % from the paper |" in text
     assert "| mode (1, 0) [kHz] | 3.500 | 3.040 |" in text
     assert "| mode (0, 2) [kHz] | none | 11.850 |" in text
+
+
+def test_runs_whose_files_do_not_fit_together_are_named(tmp_path: Path) -> None:
+    folder = tmp_path / "runs/modes"
+    folder.mkdir(parents=True)
+    summary = {"names": ["(0, 0)"], "frequencies_hz": [1.7e3, 3.4e3]}
+    (folder / "summary.json").write_text(json.dumps(summary))
+    report = write(chosen("table2,fig10"), Context(tmp_path), {})
+    assert f"Missing: files of '{folder}' do not fit together: ValueError" in report.text
+    assert len(report.damaged) == 1
+    (folder / "summary.json").write_text("{")
+    report = write(chosen("table2"), Context(tmp_path), {})
+    assert [text.split(": ")[0] for text in report.damaged] == [
+        f"cannot read '{folder / 'summary.json'}'"
+    ]

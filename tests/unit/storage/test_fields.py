@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from support.refusals import one_line
 
-from taichi_ldem.errors import SceneError
+from taichi_ldem.errors import DamagedFile, SceneError
 from taichi_ldem.storage.fields import (
     FieldWriter,
+    fault_of,
     hexahedral_mesh,
     read_broken_bars,
     read_fields,
@@ -193,3 +194,72 @@ def test_another_hdf5_file_is_one_line(tmp_path):
         with pytest.raises(SceneError) as error:
             read(tmp_path / "other.h5")
         assert "other.h5" in one_line(error)
+
+
+def change(path: Path, name: str, make) -> None:
+    """Replace a dataset by what is made of its values."""
+    with h5py.File(path, "r+") as file:
+        values = file[name][()]
+        del file[name]
+        made = make(values)
+        if isinstance(made, np.ndarray):
+            file.create_dataset(name, data=made, maxshape=(None, *made.shape[1:]))
+        else:
+            file[name] = made
+
+
+def read_all(path: Path) -> str:
+    read_fields(path)
+    return fault_of(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "make", "what"),
+    [
+        ("VTKHDF/Connectivity", lambda v: v + 10**6, "Connectivity and Points do not fit"),
+        ("VTKHDF/Connectivity", lambda v: v[:-1], "Connectivity has no whole modules"),
+        ("VTKHDF/Connectivity", lambda v: v.astype(float), "holds other values than it should"),
+        ("VTKHDF/Points", lambda v: v.ravel(), "Points has another shape"),
+        ("VTKHDF/PointData/velocity_m_s", lambda v: v[:-1], "velocity_m_s is too short"),
+        ("VTKHDF/Steps/Values", lambda v: v[:1], "Steps/Values is too short"),
+        ("VTKHDF/Steps/Values", lambda v: 0 * v, "the times of its steps do not increase"),
+        ("VTKHDF/Steps/Values", lambda v: v + np.nan, "the times of its steps do not increase"),
+        ("BrokenBars/bar", lambda v: h5py.SoftLink("/VTKHDF/Types"), "BrokenBars/bar is a link"),
+        ("VTKHDF/Points", lambda v: h5py.ExternalLink("/dev/zero", "/"), "Points is a link"),
+    ],
+)
+def test_fields_that_do_not_fit_together_are_refused(tmp_path, name, make, what):
+    path = tmp_path / "fields.vtkhdf"
+    make_fields(path)
+    change(path, name, make)
+    with pytest.raises(DamagedFile, match=f"fields.vtkhdf.*{what}"):
+        read_all(path)
+
+
+def test_an_array_that_is_larger_than_the_memory_is_not_allocated(tmp_path):
+    path = tmp_path / "fields.vtkhdf"
+    make_fields(path)
+    with h5py.File(path, "r+") as file:
+        del file["BrokenBars/time_s"]
+        file.create_dataset("BrokenBars/time_s", shape=(10**14,), chunks=(1024,), dtype="f8")
+    with pytest.raises(DamagedFile, match="800,000,000,008,192 bytes"):
+        read_broken_bars(path)
+
+
+def test_values_that_no_run_writes_are_named_and_the_rest_is_read(tmp_path):
+    path = tmp_path / "fields.vtkhdf"
+    writer, *_ = make_fields(path)
+    place = np.array([[0.0, 0.0, 1e-3], [1e-3, 0.0, 0.0], [0.0, 1e-3, 1e-3]])
+    writer.append_broken(np.array([0.1, 0.2, 0.3]), place, np.array([0, 3, 13]))
+    assert fault_of(path) == ""
+    change(path, "BrokenBars/bar", lambda v: v[:2])  # a kill may cut a write off there
+    assert len(read_broken_bars(path).time_s) == 2
+    assert fault_of(path) == "its lists of broken bars have 3, 3 and 2"
+    change(path, "BrokenBars/bar", lambda v: np.array([0, 14, 1], dtype=np.uint8))
+    change(path, "BrokenBars/position_m", lambda v: v + np.eye(3)[0])
+    assert len(read_broken_bars(path).time_s) == 2
+    assert fault_of(path) == (
+        "1 of 3 broken bars have impossible values; 2 broken bars lie outside of the plate"
+    )
+    change(path, "VTKHDF/PointData/velocity_m_s", lambda v: v * np.float32("nan"))
+    assert "values of velocity are not finite" in fault_of(path)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from support.refusals import one_line
 
-from taichi_ldem.errors import SceneError
+from taichi_ldem.errors import DamagedFile, SceneError
 from taichi_ldem.storage.folder import OF_EVERY_RUN, RunFolder
 
 
@@ -171,3 +171,33 @@ def test_a_summary_that_cannot_be_written_leaves_the_old_one(tmp_path):
     with pytest.raises(TypeError):
         folder.write_summary({"steps": object()})
     assert folder.read_summary() == {"steps": 1}
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "fine"),
+    [
+        ("first_peak_force_n", 600, True),
+        ("first_peak_force_n", None, True),
+        ("first_peak_force_n", [600.0], False),
+        ("first_peak_force_n", "600", False),
+        ("first_peak_time_s", True, False),
+        ("radial_cracks", {}, False),
+        ("radial_centre_m", [0.0, 1e-3], True),
+        ("radial_centre_m", None, True),
+        ("radial_centre_m", 0.0, False),
+        ("frequencies_hz", ["x"], False),
+        ("names", ["(0, 1)"], True),
+        ("what_a_later_version_adds", {"a": ["b"]}, True),
+    ],
+)
+def test_a_summary_holds_numbers_where_a_run_writes_numbers(tmp_path, key, value, fine):
+    folder = RunFolder(tmp_path)
+    folder.summary_file.write_text(json.dumps({key: value}))
+    if fine:
+        assert folder.read_summary() == {key: value}
+        return
+    with pytest.raises(
+        DamagedFile, match=rf"summary\.json': {key} is no (list of )?number"
+    ) as error:
+        folder.read_summary()
+    one_line(error)
