@@ -51,7 +51,8 @@ class Material(Table):
     youngs_modulus: Positive = Field(description="Young's modulus E, Pa")
     # _braced first: it says why 0 is refused
     poisson_ratio: Annotated[Real, AfterValidator(_braced), Field(gt=0, lt=0.5)] = Field(
-        description="Poisson's ratio nu, above 0; the lattice is isotropic at 0.25 only"
+        description="Poisson's ratio nu, above 0; bars alone are isotropic at 0.25 only (see"
+        " plate.stiffness)"
     )
     density: Positive = Field(description="mass density, kg/m3")
     fracture_energy: Positive | None = Field(default=None, description="fracture energy G_f, J/m2")
