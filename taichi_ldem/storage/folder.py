@@ -255,8 +255,10 @@ class RunFolder:
             found = read_object(self.provenance_file)
         if not isinstance(found, dict) or not isinstance(found.get("processes"), list):
             return {}
-        lists = {key: found[key] for key in ("processes", "files") if key in found}
-        return {key: value for key, value in lists.items() if isinstance(value, list)}
+        record: dict[str, Any] = {"processes": found["processes"]}
+        if isinstance(found.get("files"), list):
+            record["files"] = [name for name in found["files"] if isinstance(name, str)]
+        return record
 
     def _write_record(self, record: Mapping[str, Any]) -> None:
         write_whole(self.provenance_file, (json.dumps(record, indent=2) + "\n").encode())
