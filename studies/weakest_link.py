@@ -9,8 +9,8 @@ intervals, stand beside Weibull's closed form for the volume between the grips,
     mean(V) = sigma (V_ref / V)^(1 / m),    CV(V) = CV.
 
 The pull begins so gently that hardly a wave is in a bar. Its strength is E times its mean strain
-when its strain energy is largest; that at which the first bar of the lattice fails stands beside it.
-A line is added to FOLDER/strengths.jsonl for every specimen, and a study continues.
+when its strain energy is largest. That at which the first bar of the lattice fails stands beside
+it. A line is added to FOLDER/strengths.jsonl for every specimen, and a study continues.
 """
 
 import argparse
