@@ -130,8 +130,8 @@ def table(rows: list[dict[str, Any]]) -> str:
 
     shape = shape_from_cv(CV)
     lines = [
-        "| volume [mm3] | L [mm] | specimens | first bar [MPa] | strength [MPa] | closed form [MPa] | "
-        "CV of the strength [%] | closed form [%] |",
+        "| volume [mm3] | L [mm] | specimens | first bar [MPa] | strength [MPa] "
+        "| closed form [MPa] | CV of the strength [%] | closed form [%] |",
         "|---|---|---|---|---|---|---|---|",
     ]
     for length in LENGTHS:
