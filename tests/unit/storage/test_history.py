@@ -63,7 +63,7 @@ TABLE = "time_s,force_n\n0.0,1.0\n0.5,2.0\n1.0,3.0\n"
         ("2.0", "1e300", "line 3 has force_n = 1e+300"),
         ("0.5,", "0.0,", "line 3 is not later than the line before"),
         ("1.0,", "0.2,", "line 4 is not later than the line before"),
-        ("0.5,", "5e-324,", "line 3 is too close to the line before"),
+        ("0.5,", "1e-300,", "line 3 is too close to the line before"),
         ("2.0", "2.0#", "could not convert"),
         ("time_s,force_n", "time_s,time_s", "its first line must name every column once"),
         ("time_s,", "t,", "its first line must name every column once, time_s first"),
