@@ -132,7 +132,7 @@ def _environment() -> Iterator[None]:
     TI_ARCH names no device. It would also put TI_ARCH above ``solver.arch``. Where stdout is
     replaced it passes on what kernels print, at each call of a kernel, unless TI_ENABLE_PYBUF is 0.
     """
-    changed = {"TI_ARCH": None, "TI_ENABLE_PYBUF": "0"}
+    changed = {"TI_ARCH": None, "TI_OFFLINE_CACHE_FILE_PATH": None, "TI_ENABLE_PYBUF": "0"}
     if not os.environ.get("HOME") and sys.platform != "win32":
         changed["HOME"] = _home()
     before = {name: os.environ.get(name) for name in changed}
@@ -217,11 +217,11 @@ def start_for_pictures() -> None:
 
 def _initialise(wanted: str, precision: str, options: dict[str, Any]) -> bool:
     """Import and initialise Taichi; False where it has taken another device than the wanted one."""
+    given = os.environ.get("TI_OFFLINE_CACHE_FILE_PATH")
     with _silent_stdout(), _environment():
         import taichi as ti
 
         _spare_taichi_work()
-        given = os.environ.get("TI_OFFLINE_CACHE_FILE_PATH")
         cache = _cache_folder(Path(given or ti.lang.impl.default_cfg().offline_cache_file_path))
         _free_cache(cache)
         # not ti.gpu, which also looks for Vulkan and may abort in its driver

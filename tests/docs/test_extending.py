@@ -68,6 +68,7 @@ def _summary(run: Path) -> dict[str, float]:
     return numbers
 
 
+@pytest.mark.slow
 def test_a_softening_law_is_one_file(copy: Path) -> None:
     _add(copy, "taichi_ldem/solver/laws/parabolic.py")
     scene = _scene(copy, ("failure_factor = 31.45", 'failure_factor = 31.45\nlaw = "parabolic"'))

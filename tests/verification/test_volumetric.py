@@ -100,7 +100,10 @@ def test_no_wave_of_the_brillouin_zone_is_unstable(ratio: float, lattice: str) -
 # -- the kernels -----------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module", params=CELLS)
+CUBIC = pytest.param("cubic-26", marks=pytest.mark.slow)  # for the time that kernels take
+
+
+@pytest.fixture(scope="module", params=["module", CUBIC])
 def simulation(taichi: None, request: pytest.FixtureRequest) -> "Simulation":
     from taichi_ldem.solver.simulation import Simulation
 

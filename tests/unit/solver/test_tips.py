@@ -18,7 +18,10 @@ NOTCH = {"normal": "x", "position": 1.6e-3, "from": [-1.0, -1.0], "to": [0.0, 1.
 CRACK = DAMAGE | {"failure_strain": 0.05, "fracture": "crack"}
 
 
-@pytest.fixture(scope="module", params=["module", "cubic-26"])
+CUBIC = pytest.param("cubic-26", marks=pytest.mark.slow)  # for the time that kernels take
+
+
+@pytest.fixture(scope="module", params=["module", CUBIC])
 def simulation(taichi: None, request: pytest.FixtureRequest) -> "Simulation":
     """A block whose modules are cut half through; a bar alone would bear strains of 5 %."""
     from taichi_ldem.solver.simulation import Simulation
