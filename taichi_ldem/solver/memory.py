@@ -10,6 +10,7 @@ from taichi_ldem.errors import SceneError
 from taichi_ldem.machine import addresses_left
 from taichi_ldem.machine import available_bytes as available_bytes
 from taichi_ldem.machine import peak_bytes as peak_bytes
+from taichi_ldem.model.cell import CELLS
 from taichi_ldem.scene import Scene
 from taichi_ldem.solver.fields import Features, Layout, rows
 
@@ -30,7 +31,8 @@ def _layout(scene: Scene) -> Layout:
     nx, ny, nz = (n + 3 for n in scene.plate.modules)
     real = 8 if scene.solver.precision == "f64" else 4
     threads = scene.solver.threads or os.cpu_count() or 1
-    return Layout.fitting((nz, ny, nx), real, scene.solver.arch == "cpu", threads)
+    cell = CELLS[scene.plate.lattice]
+    return Layout.fitting((nz, ny, nx), real, scene.solver.arch == "cpu", threads, cell)
 
 
 def field_bytes(scene: Scene) -> int:
