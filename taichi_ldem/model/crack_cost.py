@@ -38,8 +38,9 @@ COARSEST = 0.7
 """L / l_ch from which on bars cannot soften; up to there the costs are continued in a line."""
 
 
-AT_TIPS = (0.95, 1.36)
-"""Least and largest G_c / G_f with ``fracture = "crack"``, of all directions and module sizes."""
+AT_TIPS = {"module": (0.95, 1.36), "cubic-26": (0.82, 1.15)}
+"""Least and largest G_c / G_f with ``fracture = "crack"`` by lattice, of all directions; those of
+the paper's module are of all module sizes, too."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class CrackCost:
 def words(scene: Scene) -> str | None:
     """What a crack costs in a scene, in words; None where that has not been measured."""
     if scene.material.damage and scene.material.fracture == "crack":
-        least, most = AT_TIPS
+        least, most = AT_TIPS[scene.plate.lattice]
         return f"{least:g} to {most:g} G_f, by its direction in the lattice"
     cost = crack_cost(scene)
     return None if cost is None else str(cost)
@@ -75,11 +76,12 @@ def words(scene: Scene) -> str | None:
 def crack_cost(scene: Scene) -> CrackCost | None:
     """What a crack costs in a scene of the paper's law; None where that has not been measured.
 
-    It has for bilinear bars whose limit strain follows from G_f by Eq. (12), near nu = 1/4.
+    It has for bilinear bars of the paper's lattice whose limit strain follows from G_f by Eq. (12),
+    near nu = 1/4.
     """
     m = scene.material
     measured = m.damage and m.limit_strain is None and m.law == "bilinear"
-    measured &= m.fracture == "bar"
+    measured &= m.fracture == "bar" and scene.plate.lattice == "module"
     if not measured or abs(m.poisson_ratio - MEASURED_RATIO) > NEAR:
         return None
     length = characteristic_length(m)

@@ -12,7 +12,7 @@ import numpy as np
 from taichi_ldem.analysis import paper
 from taichi_ldem.errors import SceneError
 from taichi_ldem.model.disorder import shape_from_cv
-from taichi_ldem.model.material import bar_families, failure_strain
+from taichi_ldem.model.material import bars_of, failure_strain
 from taichi_ldem.reproduction.sections import Context, Row, Section, pictures, scaled
 from taichi_ldem.storage.folder import RunFolder, read_scene
 
@@ -30,7 +30,7 @@ def _draw(file: Path, size: tuple[float, float], draw: Callable[[Figure], None])
 def fig2(context: Context) -> Section:
     """The bilinear law of the bars, with the printed stiffness and strains."""
     scene = context.scene("impact")
-    bars = bar_families(scene.material, scene.plate.spacing, scene.plate.stiffness)
+    bars = bars_of(scene)
     families = (("longitudinal", bars.longitudinal), ("diagonal", bars.diagonal))
 
     def draw(figure: Figure) -> None:

@@ -64,8 +64,9 @@ def notch_bars(scene: Scene, lattice: Lattice) -> npt.NDArray[np.uint16]:
 
 
 def _fill(dynamics: Dynamics, scene: Scene, drawn: disorder.Drawn) -> Drawn:
-    """Give bars and nodes the factors that were drawn for each of them, and cut the notches."""
+    """Give bars, nodes and modules what is their own, and cut the notches."""
     features, density = dynamics.features, scene.material.density
+    dynamics.volumetric = _volumetric(scene)
     if features.strength:
         assert drawn.peak_strain is not None
         dynamics.set_strength(drawn.peak_strain)
@@ -103,7 +104,6 @@ def build_dynamics(scene: Scene, in_strips: bool | None = None) -> tuple[Dynamic
     drawn = disorder.draw(scene, lattice)
     features = Features.of(scene)
     dynamics = Dynamics(lattice, bars, scene.material.density, features, in_strips)
-    dynamics.volumetric = _volumetric(scene)
     return dynamics, _fill(dynamics, scene, drawn)
 
 
@@ -138,5 +138,4 @@ def refill_dynamics(dynamics: Dynamics, scene: Scene, lattice: Lattice | None = 
     dynamics.clear_history()
     dynamics.set_bars(bars)
     dynamics.set_density(scene.material.density)
-    dynamics.volumetric = _volumetric(scene)
     return _fill(dynamics, scene, drawn)

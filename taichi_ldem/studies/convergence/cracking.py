@@ -6,7 +6,6 @@ these runs are compared, with their 95 % confidence intervals.
 """
 
 import csv
-import json
 import math
 import sys
 from collections.abc import Sequence
@@ -19,6 +18,7 @@ import numpy as np
 from taichi_ldem.analysis import signals
 from taichi_ldem.analysis.window import smoothing_window
 from taichi_ldem.errors import SceneError
+from taichi_ldem.reading import read_object
 from taichi_ldem.scenarios.interrupts import run_child
 from taichi_ldem.scene import Scene
 from taichi_ldem.storage.folder import RunFolder
@@ -113,7 +113,7 @@ def _record(study: Study, point: Point, seed: int, place: tuple[float, float]) -
 
 def read(folder: Path, scene: Scene) -> dict[str, Any]:
     """The numbers of a finished run."""
-    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    summary = read_object(folder / "summary.json")
     history = RunFolder(folder).read_history()
     time_s, force = history["time_s"], history["striker_force_n"]
     onset = summary["damage_onset_time_s"]

@@ -44,6 +44,15 @@ def test_cracks_that_grow_by_their_energy_cost_about_g_f() -> None:
     assert words(_with()).startswith("2.8 to 3.2 G_f")
 
 
+def test_each_lattice_has_its_own_costs() -> None:
+    """Those of cubic-26 are in docs/tension.md; with fracture = "bar" they were not measured."""
+    data = load_scene(CONFIGS / "impact_crack.toml").model_dump(by_alias=True, exclude_none=True)
+    data["plate"] |= {"lattice": "cubic-26"}
+    assert words(parse_scene(data)) == "0.82 to 1.15 G_f, by its direction in the lattice"
+    data["material"] |= {"fracture": "bar", "failure_strain": 0.01}
+    assert words(parse_scene(data)) is None
+
+
 def test_nothing_is_said_of_what_was_not_measured() -> None:
     assert crack_cost(load_scene(CONFIGS / "impact_measured_strength.toml")) is None
     assert crack_cost(_with(law="exponential", failure_factor=20.0)) is None
