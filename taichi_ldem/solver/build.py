@@ -64,7 +64,7 @@ def notch_bars(scene: Scene, lattice: Lattice) -> npt.NDArray[np.uint16]:
 
 
 def _fill(dynamics: Dynamics, scene: Scene, drawn: disorder.Drawn) -> Drawn:
-    """Give bars, nodes and modules what is their own, and cut the notches."""
+    """Fill what differs between bars, nodes or modules, and cut the notches."""
     features, density = dynamics.features, scene.material.density
     dynamics.volumetric = _volumetric(scene)
     if features.strength:
