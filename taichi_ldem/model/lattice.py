@@ -101,7 +101,7 @@ class Lattice:
 
     @cached_property
     def offsets(self) -> npt.NDArray[np.float64] | None:
-        """(sublattices, *S, 3) distances of nodes from their regular places, m; None where all are 0.
+        """(sublattices, *S, 3) way of each node from its regular place, m; None where all are 0.
 
         Uniform in a ball of radius ``perturbation`` L; a corner node on a face keeps to it and one
         on an edge to the edge, so that faces stay flat: it moves along an axis only where the
