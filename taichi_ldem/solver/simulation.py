@@ -18,6 +18,7 @@ from taichi_ldem.solver.contact.kernels.body import LOSS_AFTER, LOSS_BEFORE, Rig
 from taichi_ldem.solver.dynamics import field_bytes
 from taichi_ldem.solver.energy import BROKEN, DAMPED, FRACTURE, KINETIC, STRAIN, EnergySums, Ledger
 from taichi_ldem.solver.sampling import Sample, Sampler
+from taichi_ldem.solver.step import StepNumbers
 
 __all__ = ["STEPS_A_LAUNCH", "STEPS_BETWEEN_LISTS", "Sample", "Simulation"]
 
@@ -71,7 +72,6 @@ class Simulation:
         """Set the parameters of a step from scene and lattice."""
         self.spacing = self.dynamics.lattice.spacing
         self.damping = self.scene.solver.damping
-        self.peak_strain = self.dynamics.peak_strain
         self.critical_time_step = stability.critical_time_step(self.dynamics)
         self.time_step, self.sample_every = self._choose_time_step()
         self.steps = round(self.scene.solver.duration / self.time_step)
@@ -151,43 +151,31 @@ class Simulation:
         self._resolve(now, spacing, time_step, damping)
 
     @ti.kernel
-    def _launch(
-        self,
-        now: int,
-        spacing: float,
-        time_step: float,
-        damping: float,
-        peak_strain: float,
-        steps: ti.template(),
-        measure: ti.template(),
-    ):
+    def _launch(self, now: int, numbers: StepNumbers, steps: ti.template(), measure: ti.template()):
         """Take steps in whole passes, all in one kernel, without returning to Python."""
         other = 1 - now
         for n in ti.static(range(steps)):
             if ti.static(n % 2 == 0):
-                self._pass(now, spacing, time_step, damping, peak_strain, measure)
+                self._pass(now, numbers, measure)
             else:
-                self._pass(other, spacing, time_step, damping, peak_strain, measure)
+                self._pass(other, numbers, measure)
 
     @ti.func
-    def _pass(self, now, spacing, time_step, damping, peak_strain, measure: ti.template()):
-        numbers = ti.Struct(
-            spacing=spacing,
-            kick=time_step,
-            drift=time_step,
-            damping=damping,
-            peak_strain=peak_strain,
-        )
+    def _pass(self, now, numbers, measure: ti.template()):
         self.dynamics.whole_passes(now, numbers, measure)
-        self._resolve(now, spacing, time_step, damping)
+        self._resolve(
+            now,
+            ti.cast(numbers.spacing, float),
+            ti.cast(numbers.kick, float),
+            ti.cast(numbers.damping, float),
+        )
 
     def _take(self, time_step: float, steps: int = 1, measure: bool = False) -> None:
         """Take steps from ``now``; on the CPU one."""
         dynamics, spacing = self.dynamics, self.spacing
         if not dynamics.in_strips:
-            self._launch(
-                self.now, spacing, time_step, self.damping, self.peak_strain, steps, measure
-            )
+            numbers = dynamics.driver.numbers(time_step, time_step, self.damping)
+            self._launch(self.now, numbers, steps, measure)
             return
         dynamics.step(self.now, time_step, time_step, self.damping, measure)
         if self.bodies:

@@ -54,6 +54,20 @@ def test_sampling_changes_nothing(elastic: "Simulation", body: Body) -> None:
     np.testing.assert_array_equal(*ends)
 
 
+def test_whole_passes_take_the_numbers_of_the_step(taichi: None) -> None:
+    """The kernel of a GPU, on a body in free flight: u = v dt."""
+    from taichi_ldem.solver.simulation import Simulation
+
+    simulation = Simulation(block_scene(3, 3, 1), in_strips=False)
+    exists = simulation.dynamics.lattice.exists()[..., None]
+    velocity = np.array([1.0, -2.0, 3.0]) * exists
+    simulation.start_from(np.zeros_like(velocity), velocity)
+    simulation.advance(1)
+    np.testing.assert_allclose(
+        simulation.displacement(), simulation.time_step * velocity, rtol=0, atol=1e-20
+    )
+
+
 def test_an_unstable_run_is_stopped_and_told_why(
     elastic: "Simulation", body: Body, monkeypatch: pytest.MonkeyPatch
 ) -> None:
