@@ -91,7 +91,11 @@ def cube(modules: int, poisson_ratio: float = 0.25) -> Scene:
     return parse_scene(
         {
             "scenario": "impact",  # the paper's solver settings, without a striker
-            "plate": {"size": [modules * SPACING] * 3, "modules_through_thickness": modules},
+            "plate": {
+                "size": [modules * SPACING] * 3,
+                "modules_through_thickness": modules,
+                "stiffness": "equation-2",
+            },
             "material": material | {"damage": False},
             "solver": {"duration": 1e-3},
         }

@@ -126,6 +126,16 @@ class UnitCell:
                     found.append((bar, (offset[0], offset[1], offset[2])))
         return tuple(found)
 
+    @cached_property
+    def modules_of(self) -> tuple[tuple[Offset, ...], ...]:
+        """[bar] offsets from its site of the modules that hold its middle."""
+        found = []
+        for middle in self.starts + 0.5 * self.vectors:
+            around = [(dz - 1, dy - 1, dx - 1) for dz, dy, dx in np.ndindex(2, 2, 2)]
+            held = [o for o in around if np.abs(middle - 0.5 - o[::-1]).max() <= 0.5]
+            found.append(tuple(held))
+        return tuple(found)
+
     def weights(self, surface_weights: bool) -> Array:
         """Share of a whole bar carried by each of a site's bars, for every site byte.
 

@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from taichi_ldem.model.cell import CELLS, MODULE, UnitCell
 from taichi_ldem.model.lattice import Lattice
-from taichi_ldem.model.material import bar_families
+from taichi_ldem.model.material import bar_families, volumetric_modulus
 from taichi_ldem.scene import Material
 
 Array = npt.NDArray[np.float64]
@@ -40,12 +40,15 @@ class Bulk:
         mass: of a node, kg.
         spacing: module edge L, m.
         cell: the bars of a site; all nodes have the same star of bars.
+        volumetric: lambda - mu of the modules' volumes, Pa (``solver.volume``), which
+            ``every_branch`` and ``highest_frequency`` include; the others are of bars alone.
     """
 
     stiffness: tuple[float, ...]
     mass: float
     spacing: float
     cell: UnitCell = MODULE
+    volumetric: float = 0.0
 
     @cached_property
     def _rays(self) -> Array:
@@ -117,7 +120,39 @@ class Bulk:
         """
         steps = np.linspace(0.0, 2 * np.pi / self.spacing, 25)
         k = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1)
+        if self.volumetric:
+            # zero at the zone's centre, to rounding
+            return float(np.sqrt(self.every_branch(k)[..., -1].max()))
         return float(self.frequencies(k).max())
+
+    def every_branch(self, k: npt.ArrayLike) -> Array:
+        """Squares of angular frequencies, (..., 3 x nodes of a site), ascending, 1/s2.
+
+        The matrix of all nodes of a site, with a wave's phase at the place of each node. A module
+        adds (lambda - mu) L^3 |h.u|^2 with h = sum over the corners of s exp(i k.s L / 2) / (4 L),
+        s = (+-1, +-1, +-1), to the squares.
+        """
+        phases = self.spacing * np.asarray(k)
+        nodes = self.cell.sublattices
+        matrix = np.zeros((*phases.shape[:-1], nodes, 3, nodes, 3), dtype=complex)
+        for ((a, _), (b, _)), vector, family in zip(
+            self.cell.ends, self.cell.vectors, self.cell.family, strict=True
+        ):
+            pull = self.stiffness[family] * np.outer(vector, vector) / (vector @ vector)
+            turned = np.exp(1j * phases @ vector)[..., None, None] * pull
+            matrix[..., a, :, a, :] += pull
+            matrix[..., b, :, b, :] += pull
+            matrix[..., a, :, b, :] -= turned
+            matrix[..., b, :, a, :] -= turned.conj()
+        corners = 2.0 * np.array(list(np.ndindex(2, 2, 2))) - 1
+        swing = np.exp(0.5j * phases @ corners.T) @ corners / 4
+        of_volume = (
+            self.volumetric * self.spacing * swing.conj()[..., :, None] * swing[..., None, :]
+        )
+        matrix[..., 0, :, 0, :] += of_volume
+        size = 3 * nodes
+        flat = matrix.reshape(*phases.shape[:-1], size, size) / self.mass
+        return np.asarray(np.linalg.eigvalsh(flat))
 
     @cached_property
     def fastest(self) -> float:
@@ -140,7 +175,10 @@ def bulk(
     """The infinite lattice of a material at a module edge (m), of a unit cell by its name."""
     stiffness, cell = _bar_stiffness(material, spacing, variant, lattice), CELLS[lattice]
     mass = material.density * spacing**3 / cell.sublattices
-    return Bulk(stiffness, mass, spacing, cell)
+    volumetric = 0.0
+    if variant == "volumetric":
+        volumetric = volumetric_modulus(material.youngs_modulus, material.poisson_ratio)
+    return Bulk(stiffness, mass, spacing, cell, volumetric)
 
 
 def discrete_frequency(omega: npt.ArrayLike, time_step: float) -> Array:

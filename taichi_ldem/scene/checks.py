@@ -25,6 +25,13 @@ MAX_SAMPLES = 10**7
 MAX_FRAMES = 10**4
 NO_DURATION = 1.0  # s, of a scene that does not step in time
 ROUNDING = 0.01  # largest relative change of a side that is rounded to whole modules
+LEAST_RATIO_OF_VOLUMES = 0.16
+"""Least Poisson's ratio of modules with an energy of their volume whose bars break.
+
+Below 1/4 that energy is less than zero, so a module gains it when its first bar fails. In uniaxial
+tension the four modules around an edge bar gain 2 (1 - 4 nu) (1 - 2 nu) mu eps^2 L^3, which must
+not be more than the mu eps^2 L^3 / 2 that the bar loses: nu >= 0.1585.
+"""
 LARGE_SIDE = 1.0  # m; a plate with a longer side was probably meant in millimetres
 
 
@@ -75,7 +82,28 @@ def with_defaults(data: Any) -> Any:
         given = data.get(table, {})
         if isinstance(given, Mapping):
             data = {**data, table: {**values, **given}}
-    return data
+    return _with_stiffness(data)
+
+
+def _with_stiffness(data: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Tables with the stiffness of plates that bars alone would not make isotropic."""
+    plate, material = data.get("plate"), data.get("material")
+    if not isinstance(plate, Mapping) or not isinstance(material, Mapping):
+        return data
+    if "stiffness" in plate or not takes_volumes(data["scenario"]):
+        return data
+    stiffness = default_stiffness(material.get("poisson_ratio", QUARTER))
+    return {**data, "plate": {**plate, "stiffness": stiffness}}
+
+
+def takes_volumes(scenario: str) -> bool:
+    """Whether modules may have an energy of their volume in a scenario."""
+    return "pulse" not in SCENARIOS[scenario].needs
+
+
+def default_stiffness(poisson_ratio: float) -> str:
+    """``plate.stiffness`` where a scene does not name it."""
+    return "equation-2" if poisson_ratio == QUARTER else "volumetric"
 
 
 def _check_scenario(scene: Scene) -> None:
@@ -240,8 +268,7 @@ def _rounded_up(strain: float) -> str:
 
 def _check_lattice(scene: Scene) -> None:
     plate, material = scene.plate, scene.material
-    if plate.stiffness == "volumetric" and material.damage:
-        raise refuse("plate.stiffness", plate.stiffness, "needs material.damage = false")
+    _check_ratio(scene)
     if plate.lattice == "module":
         return
     if plate.stiffness != "volumetric" and material.poisson_ratio != QUARTER:
@@ -253,6 +280,23 @@ def _check_lattice(scene: Scene) -> None:
     ):
         if value == other:
             raise refuse(key, value, 'is for plate.lattice = "module" only')
+
+
+def _check_ratio(scene: Scene) -> None:
+    """Refuse a Poisson's ratio that the plate's stiffness cannot have."""
+    nu, stiffness = scene.material.poisson_ratio, scene.plate.stiffness
+    if stiffness != "volumetric" and nu == 0:
+        why = (
+            "must be greater than 0: at 0 the diagonal bars have no stiffness, and a lattice "
+            "without them is a mechanism"
+        )
+        raise refuse("material.poisson_ratio", nu, why)
+    if stiffness == "volumetric" and scene.material.damage and nu < LEAST_RATIO_OF_VOLUMES:
+        why = (
+            f"must be at least {LEAST_RATIO_OF_VOLUMES} where bars break, or above 0 with "
+            'plate.stiffness = "equation-2": below it a broken bar gives energy to its modules'
+        )
+        raise refuse("material.poisson_ratio", nu, why)
 
 
 def _check_disorder(scene: Scene) -> None:

@@ -75,6 +75,8 @@ class Scene(Table, metaclass=_OneLine):
             del data["output"]["field_interval"]
         if self.grips is not None and self.grips.gauge_length == self.default_gauge_length:
             del data["grips"]["gauge_length"]
+        if self.plate.stiffness == checks.default_stiffness(self.material.poisson_ratio):
+            del data["plate"]["stiffness"]
         return _overridden(data, "scene", overrides)
 
     @property

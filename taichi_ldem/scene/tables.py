@@ -9,8 +9,7 @@ import math
 import sys
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from taichi_ldem.scene.names import LAW_NAMES
 from taichi_ldem.scene.values import (
@@ -32,16 +31,6 @@ DISORDERED = ("fracture_energy", "youngs_modulus", "density", "strength")
 """Properties that may vary, in the order of their random streams: never reorder."""
 
 
-def _braced(value: float) -> float:
-    if value > 0:
-        return value
-    why = (
-        "must be greater than 0: at 0 the diagonal bars have no stiffness, and a lattice without "
-        "them is a mechanism"
-    )
-    raise PydanticCustomError("mechanism", why)
-
-
 LawName = Annotated[str, BeforeValidator(OneOf(LAW_NAMES))]
 
 
@@ -49,9 +38,8 @@ class Material(Table):
     """Elasticity and fracture. With `damage = false` the fracture keys are not needed."""
 
     youngs_modulus: Positive = Field(description="Young's modulus E, Pa")
-    # _braced first: it says why 0 is refused
-    poisson_ratio: Annotated[Real, AfterValidator(_braced), Field(gt=0, lt=0.5)] = Field(
-        description="Poisson's ratio nu, above 0; bars alone are isotropic at 0.25 only (see"
+    poisson_ratio: Annotated[Real, Field(ge=0, lt=0.5)] = Field(
+        description="Poisson's ratio nu; bars alone are isotropic at 0.25 only (see"
         " plate.stiffness)"
     )
     density: Positive = Field(description="mass density, kg/m3")

@@ -66,7 +66,7 @@ def notch_bars(scene: Scene, lattice: Lattice) -> npt.NDArray[np.uint16]:
 def _fill(dynamics: Dynamics, scene: Scene, drawn: disorder.Drawn) -> Drawn:
     """Fill what differs between bars, nodes or modules, and cut the notches."""
     features, density = dynamics.features, scene.material.density
-    dynamics.volumetric = _volumetric(scene)
+    dynamics.volumetric, dynamics.poisson_ratio = _volumetric(scene), scene.material.poisson_ratio
     if features.strength:
         assert drawn.peak_strain is not None
         dynamics.set_strength(drawn.peak_strain)

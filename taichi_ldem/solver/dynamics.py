@@ -57,7 +57,7 @@ class Dynamics(State):
         self.set_bars(bars)
         self.set_density(density)
         self.bars = BarForces(self)
-        self.volumes = ModuleVolumes(self)
+        self.volumes = ModuleVolumes(self, self.bars)
         self.nodes = NodeUpdate(self, self.volumes)
         self.access = NodeAccess(self)
         self.tips = CrackTips(self, self.bars, self.access)

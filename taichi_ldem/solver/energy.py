@@ -148,7 +148,8 @@ class EnergySums:
                         for lane in range(self.state.lanes.width):
                             total += self.bar_energy(bar, strain[lane], at, lane, step)
                     if ti.static(self.state.features.volumetric):
-                        total[0] += self.volumes.column_energy(at, step)
+                        stored, lost = self.volumes.column_energy(at, step)
+                        total += ti.Vector([stored, lost, 0.0], ti.f64)
             self.rows[row] = total
 
     def potential(self, now: int) -> None:

@@ -128,7 +128,7 @@ class Features:
         "energy of a module's volume",
         'plate.stiffness other than "volumetric"',
         lambda scene: scene.plate.stiffness == "volumetric",
-        lambda _: {},  # not together with damage
+        lambda _: {"plate": {"stiffness": "volumetric"}, "material": {"poisson_ratio": 0.36}},
     )
     density: bool = _feature(
         "mass of every node",
@@ -345,6 +345,10 @@ def _history(features: Features, _: Layout) -> bool:
     return features.history
 
 
+def _volume_history(features: Features, _: Layout) -> bool:
+    return features.volumetric and features.history
+
+
 def _named(name: str) -> Callable[[Features, Layout], bool]:
     return lambda features, _: bool(getattr(features, name))
 
@@ -361,6 +365,14 @@ FIELDS = (
     Row("axial", "axial force of a bar over its current length", "N/m", _bar_rows, "bar"),
     Row("swelling", "force of a module's volume on a corner towards + + +, by axis of the force and"
         " of the corner's place", "N", _bar_rows, "tensor", present=_named("volumetric")),
+    Row("volume_damage", "1 less the share of its volumetric energy that a module still has in"
+        " tension", "", _columns, present=_volume_history, evolves=True),
+    Row("volume_loss", "volumetric energy that a module has lost by fracture", "J", _columns,
+        present=_volume_history, evolves=True),
+    Row("growth", "J - 1 of a module times the share of its volumetric energy, at the last step",
+        "", _columns, present=lambda f, _: f.volumetric and f.crack),
+    Row("volume_modulus", "lambda - mu of a module over the mean", "", _columns,
+        present=lambda f, _: f.volumetric and f.modulus),
     Row("code", "byte of the site (see lattice)", "", _columns, kind="u8"),
     Row("velocity_before", "velocities of the row that a measured step updates, as they were before"
         " it", "m/s", _strip_rows, "node axis", present=_in_strips),

@@ -15,13 +15,14 @@ import taichi as ti
 from taichi_ldem.model.cell import CENTRE
 from taichi_ldem.model.lattice import Lattice
 from taichi_ldem.model.material import Bars
+from taichi_ldem.scene.equations import QUARTER
 from taichi_ldem.solver.fields import FIELDS, REAL, Features, Layout, Row, rows
 from taichi_ldem.solver.laws import law_named
 
 EVOLVING = tuple(row.name for row in FIELDS if row.evolves and row.name != "displacement")
 """Fields that a checkpoint holds completely; of the displacement it holds one buffer."""
 
-OF_TIPS = ("opening", "failed", "known", "near")
+OF_TIPS = ("opening", "failed", "known", "near", "growth")
 """Fields of crack tips, which each step works out again from the peak strains."""
 
 
@@ -96,6 +97,7 @@ class State:
         on_cpu: whether Taichi runs on the CPU.
         law: the softening law; None without damage.
         peak_strain: eps_p of the bar families. volumetric: lambda - mu, Pa (``volume``).
+        poisson_ratio: of the material.
 
     Each row of ``fields.FIELDS`` whose features the lattice has is an attribute, too.
     """
@@ -104,6 +106,10 @@ class State:
     velocity: list[list[ti.MatrixField]]
     axial: list[ti.MatrixField]
     swelling: list[list[ti.MatrixField]]
+    volume_damage: ti.MatrixField
+    volume_loss: ti.MatrixField
+    growth: ti.MatrixField
+    volume_modulus: ti.MatrixField
     code: ti.MatrixField
     velocity_before: list[list[ti.MatrixField]]
     node_sums: ti.MatrixField
@@ -143,7 +149,7 @@ class State:
         self.sites, self.lanes, self.shape = self.layout.sites, self.layout.lanes, self.layout.shape
         self.in_strips = self.layout.in_strips
         self.law: Any = None if features.law is None else law_named(features.law)
-        self.peak_strain, self.volumetric = np.inf, 0.0
+        self.peak_strain, self.volumetric, self.poisson_ratio = np.inf, 0.0, QUARTER
         for row in rows(features, self.layout):
             setattr(self, row.name, _allocate(row, self.layout))
         self.set_lattice(lattice)
@@ -220,8 +226,17 @@ class State:
         self.weakest.from_numpy((weakest * (1 - 1e-6)).astype(numpy_float()))
 
     def set_modulus(self, modulus: npt.NDArray[np.float64]) -> None:
-        """Give every bar its modulus over the mean: (nz + 3, ny + 3, nx + 3, bars)."""
+        """Give every bar its modulus over the mean: (nz + 3, ny + 3, nx + 3, bars).
+
+        A module's volume takes the mean of its bars.
+        """
         self._fill_bars(self.modulus, modulus)
+        if self.features.volumetric:
+            around = [
+                np.roll(modulus[..., bar], [-n for n in offset], axis=(0, 1, 2))
+                for bar, offset in self.cell.of_module
+            ]
+            self._fill(self.volume_modulus, np.mean(around, axis=0))
 
     def set_own_density(self, density: float, factor: npt.NDArray[np.float64]) -> None:
         """Give every node the masses of the modules around it.

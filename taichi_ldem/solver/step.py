@@ -7,6 +7,8 @@ neighbours, with the same result. On a GPU each pass is a launch over all column
 The drivers depend on columns, rows and the numbers of a step, but neither on bars nor on nodes.
 """
 
+from collections.abc import Callable
+
 import taichi as ti
 
 from taichi_ldem.solver.bars import BarForces
@@ -26,10 +28,11 @@ StepNumbers = ti.types.struct(
     damping=ti.f64,
     peak_strain=ti.f64,
     volumetric=ti.f64,
+    poisson_ratio=ti.f64,
 )
 """Numbers of a step: module edge, m; the times by which velocities and displacements change, s; the
-damping coefficient, 1/s; eps_p of the bar families; lambda - mu, Pa. Kernels round them to Taichi's
-default float.
+damping coefficient, 1/s; eps_p of the bar families; lambda - mu, Pa; Poisson's ratio. Kernels round
+them to Taichi's default float.
 """
 
 
@@ -45,7 +48,7 @@ class Step:
     def numbers(self, kick: float, drift: float, damping: float) -> ti.Struct:
         """The ``StepNumbers`` of a step; reused, as creating one takes as long as a small step."""
         state = self.state
-        material = (state.peak_strain, state.volumetric)
+        material = (state.peak_strain, state.volumetric, state.poisson_ratio)
         key = (state.lattice.spacing, kick, drift, damping, *material)
         if key not in self._numbers:
             if len(self._numbers) > 16:
@@ -64,6 +67,7 @@ class Step:
             damping=ti.cast(numbers.damping, float),
             peak_strain=ti.cast(numbers.peak_strain, float),
             volumetric=ti.cast(numbers.volumetric, float),
+            poisson_ratio=ti.cast(numbers.poisson_ratio, float),
         )
 
     @ti.func
@@ -72,6 +76,21 @@ class Step:
         self.bars.column_forces(at, step)
         if ti.static(self.state.features.volumetric):
             self.volumes.column_forces(at, step)
+
+    @property
+    def first(self) -> tuple[tuple[Callable[..., None], int], ...]:
+        """Parts of the pass before pass 1, each after all of the one before it.
+
+        Returns:
+            for each part, the function for a column and the first column of a row. Nodes gather
+            from the modules of the column before their own, too.
+        """
+        features, tips = self.state.features, self.tips
+        volumes = ((self.volumes.weaken, HALO - 1),)
+        parts = volumes if features.volumetric and features.history else ()
+        if features.crack:
+            return ((tips.forget, HALO), *parts, (tips.open, HALO), (tips.fail, HALO))
+        return parts
 
     # -- in strips ---------------------------------------------------------------------------------
 
@@ -132,21 +151,21 @@ class Step:
                 self.strip_step(turn // TURNS, step, measure)
 
     @ti.func
-    def tips_in_strip(self, part: ti.template(), strip, step: ti.template()):
-        """A part of the pass of crack tips for the rows that a strip owns."""
+    def part_in_strip(self, part: ti.template(), begin: ti.template(), strip, step: ti.template()):
+        """A part of the pass before pass 1 for the rows that a strip owns."""
         inner, strips = ti.static(self.state.sites[1] - 2, self.state.layout.strips)
         for j in range(1 + inner * strip // strips, 1 + inner * (strip + 1) // strips):
             for k in range(1, self.state.sites[0] - 1):
-                for m in range(HALO, HALO + self.state.lanes.length):
+                for m in range(begin, HALO + self.state.lanes.length):
                     part(ti.Struct(k=k, j=j, m=m), step)
 
     @ti.kernel
-    def _tips(self, now: int, numbers: StepNumbers):
-        for part in ti.static((self.tips.forget, self.tips.open, self.tips.fail)):
+    def _first(self, now: int, numbers: StepNumbers):
+        for part, begin in ti.static(self.first):
             for turn in range(self.state.layout.strips * TURNS):
                 if turn % TURNS == 0:
                     step = self.rounded(now, numbers)
-                    self.tips_in_strip(part, turn // TURNS, step)
+                    self.part_in_strip(part, begin, turn // TURNS, step)
 
     # -- in passes ---------------------------------------------------------------------------------
 
@@ -161,10 +180,9 @@ class Step:
         nz, ny, _ = ti.static(self.state.sites)
         pieces, piece_length = ti.static(self.state.layout.pieces, self.state.layout.piece)
         begin, end = ti.static(HALO, HALO + self.state.lanes.length)
-        if ti.static(self.state.features.crack):
-            for part in ti.static((self.tips.forget, self.tips.open, self.tips.fail)):
-                for j, k, m in ti.ndrange((1, ny - 1), (1, nz - 1), (begin, end)):
-                    part(ti.Struct(k=k, j=j, m=m), self.rounded(now, numbers))
+        for part, start in ti.static(self.first):
+            for j, k, m in ti.ndrange((1, ny - 1), (1, nz - 1), (start, end)):
+                part(ti.Struct(k=k, j=j, m=m), self.rounded(now, numbers))
         for j, k, m in ti.ndrange((1, ny - 1), (1, nz - 1), (begin - 1, end + 1)):
             step = self.rounded(now, numbers)
             self.forces(ti.Struct(strip=0, row=j, k=k, j=j, m=m), step)
@@ -201,8 +219,8 @@ class Step:
             measure: whether kinetic energy and losses by damping at t_n are summed up
                 (``node_sums``).
         """
-        if self.state.in_strips and self.state.features.crack:
-            self._tips(now, self.numbers(kick, drift, damping))
+        if self.state.in_strips and self.first:
+            self._first(now, self.numbers(kick, drift, damping))
         launch = self._in_strips if self.state.in_strips else self._in_passes
         launch(now, self.numbers(kick, drift, damping), measure)
 

@@ -13,12 +13,16 @@ keeps the flanks of a wide open crack from failing under any small tension along
 
 Openings are those at the displacement of the step, and a bar counts as failed from the step after
 its failure on, so the order of threads changes nothing.
+
+Where modules have an energy of their volume, bars carry a part of the stress only. F is then the
+force of a bar that carried the volumes' share as well, as those of the same solid with nu = 1/4 do.
 """
 
 import math
 
 import taichi as ti
 
+from taichi_ldem.scene.equations import QUARTER
 from taichi_ldem.solver.bars import BarForces
 from taichi_ldem.solver.lanes import HALO
 from taichi_ldem.solver.nodes import NodeAccess
@@ -163,6 +167,23 @@ class CrackTips:
         return cost
 
     @ti.func
+    def strain_of_volumes(self, bar: ti.template(), at: ti.template(), lane, step: ti.template()):
+        """Strain at which the bars alone would pull as the volumes of modules around a bar do.
+
+        A uniform expansion e of the bars gives the mean stress 5 mu e, and the volumes give
+        (lambda - mu) (J - 1): e = (J - 1) (4 nu - 1) / (5 - 10 nu).
+        """
+        i, total, count = self.access.site_of(at.m, lane), 0.0, 0.0
+        for dz, dy, dx in ti.static(self.state.cell.modules_of[bar]):
+            if i + dx > 0:
+                m, there = self.access.column_of(i + dx)
+                if int(self.state.code[at.k + dz, at.j + dy, m][there]) >> 7:
+                    total += self.state.growth[at.k + dz, at.j + dy, m][there]
+                    count += 1
+        nu = step.poisson_ratio
+        return total / ti.max(count, 1.0) * (4 * nu - 1) / (5 - 10 * nu)
+
+    @ti.func
     def fail_at_tip(self, bar: ti.template(), at: ti.template(), step: ti.template(), lane):
         """Let a bar fail if this releases what it costs."""
         opening = self.opening_at(bar, at, lane)
@@ -171,10 +192,17 @@ class CrackTips:
             if strain > 0:
                 own = self.bars.peak_strain(bar, at, lane, step.peak_strain)
                 peak = ti.max(self.state.peak[bar][at.k, at.j, at.m][lane], strain / own)
-                force = self.bars.integrity(bar, strain, peak) * strain
-                ratio = opening / (self.length_at_rest(bar, at, step, lane) * strain)
-                parts = strain * ti.min(ratio, ti.static(self.state.cell.opening))
+                force, whole = self.bars.integrity(bar, strain, peak) * strain, strain
+                if ti.static(self.state.features.volumetric):
+                    pull = self.strain_of_volumes(bar, at, lane, step)
+                    force += pull
+                    # as a bar with the material's E, not that of the bars, is strained
+                    whole = (whole + pull) * (1 + QUARTER) / (1 + step.poisson_ratio)
+                ratio = opening / (self.length_at_rest(bar, at, step, lane) * whole)
+                parts = whole * ti.min(ratio, ti.static(self.state.cell.opening))
                 enough = force * parts >= 2 * self.cost(bar, at, lane, step)
+                if ti.static(self.state.features.volumetric):
+                    enough &= whole > 0
                 if enough and ratio <= PASSED:
                     # in the step that ends here the force has fallen to zero already
                     lost = strain - self.last_stretching(bar, at, step, lane)

@@ -15,12 +15,21 @@ rotation, so neither does W. The force on a corner is
 like the forces of bars, so no sum depends on the order of threads. In a perturbed lattice, F is
 taken from the gradients of the places now and at rest, and J is the ratio of their determinants.
 
+Where bars soften or fail, their module's volume does: it keeps the share of its energy that its
+weakest bar keeps of its stiffness in tension, and none once a bar has failed or a notch has removed
+one. No bar of the module then has a smaller share, so a module's whole energy is never less than
+that share of what it is without damage: it stays positive below nu = 1/4, too, where lambda - mu is
+negative. In compression a volume is whole until a bar fails, as a bar is; afterwards the bars that
+``closing`` faces press on carry it alone, because the J of a torn module tells nothing of a gap.
+What a module loses when its share falls is booked as fracture, at the J of that step.
+
 ``at`` and ``step`` are the structs of ``bars``.
 """
 
 import taichi as ti
 
 from taichi_ldem.model.cell import CORNER
+from taichi_ldem.solver.bars import BarForces
 from taichi_ldem.solver.state import State
 
 CORNERS = tuple((dz, dy, dx) for dz in (0, 1) for dy in (0, 1) for dx in (0, 1))
@@ -31,10 +40,10 @@ AXES = tuple((i, j) for i in range(3) for j in range(3))
 
 @ti.data_oriented
 class ModuleVolumes:
-    """Gradients of modules, their forces on nodes and their energy."""
+    """Gradients of modules, their forces on nodes, their energy and its loss."""
 
-    def __init__(self, state: State):
-        self.state = state
+    def __init__(self, state: State, bars: BarForces):
+        self.state, self.bars = state, bars
 
     @ti.func
     def exist(self, at: ti.template()):
@@ -99,14 +108,87 @@ class ModuleVolumes:
             for i, j in ti.static(AXES)
         ]
 
+    # -- damage ------------------------------------------------------------------------------------
+
+    @ti.func
+    def modulus(self, at: ti.template(), lane, step: ti.template()):
+        """lambda - mu of a module, Pa."""
+        whole = step.volumetric
+        if ti.static(self.state.features.modulus):
+            whole *= self.state.volume_modulus[at.k, at.j, at.m][lane]
+        return whole
+
+    @ti.func
+    def share(self, grown, damage, step: ti.template()):
+        """Share of its energy that a module has at J - 1, given its damage."""
+        share = 1 - damage
+        if step.volumetric > 0 and grown < 0 and damage < 1:
+            share = 1.0
+        return share
+
+    @ti.func
+    def damage_of_bars(self, at: ti.template(), lane):
+        """1 less the least share of stiffness in tension among a module's bars."""
+        least = 1.0
+        for bar, home in ti.static(self.state.cell.of_module):
+            there = ti.Struct(k=at.k + home[0], j=at.j + home[1], m=at.m + home[2])
+            if ti.static(self.state.features.damage):
+                peak = self.state.peak[bar][there.k, there.j, there.m][lane]
+                least = ti.min(least, self.bars.integrity(bar, 1.0, peak))
+            if ti.static(self.state.features.notch):
+                if self.bars.is_removed(bar, there, lane):
+                    least = 0.0
+        return 1 - least
+
+    @ti.func
+    def is_near_damage(self, at: ti.template()):
+        """Whether a bar of a column's modules may be damaged, or may be at a crack's tip."""
+        found = 0
+        for dz, dy, dx in ti.static(CORNERS):
+            found |= int(self.state.touched[at.k + dz, at.j + dy, at.m + dx])
+            if ti.static(self.state.features.crack):
+                found |= int(self.state.near[at.k + dz, at.j + dy, at.m + dx])
+        return found != 0
+
+    @ti.func
+    def weaken(self, at: ti.template(), step: ti.template()):
+        """Let the damage of a column's modules follow that of their bars before this step."""
+        if self.is_near_damage(at):
+            found, exist = self.swelling(at, step), self.exist(at)
+            lanes = ti.static(range(self.state.lanes.width))
+            grown = ti.Vector([found[9, lane] for lane in lanes])
+            for lane in range(self.state.lanes.width):
+                if exist[lane] > 0:
+                    self.weaken_module(grown[lane], at, lane, step)
+
+    @ti.func
+    def weaken_module(self, grown, at: ti.template(), lane, step: ti.template()):
+        """Raise a module's damage to that of its bars, and book the energy that this takes."""
+        k, j, m = at.k, at.j, at.m
+        before = self.state.volume_damage[k, j, m][lane]
+        after = ti.max(before, self.damage_of_bars(at, lane))
+        share = self.share(grown, after, step)
+        if after > before:
+            lost = self.share(grown, before, step) - share
+            loss = 0.5 * self.modulus(at, lane, step) * step.spacing**3 * lost * grown * grown
+            self.state.volume_loss[k, j, m][lane] = self.state.volume_loss[k, j, m][lane] + loss
+            self.state.volume_damage[k, j, m][lane] = after
+        if ti.static(self.state.features.crack):
+            self.state.growth[k, j, m][lane] = share * grown
+
+    # -- the pass ----------------------------------------------------------------------------------
+
     @ti.func
     def column_forces(self, at: ti.template(), step: ti.template()):
         """Store the forces of a column's modules on their corners."""
         found, exist = self.swelling(at, step), self.exist(at)
-        size = 0.25 * step.volumetric * step.spacing * step.spacing
-        for n in ti.static(range(9)):
-            for lane in ti.static(range(self.state.lanes.width)):
-                force = size * exist[lane] * found[9, lane] * found[n, lane]
+        for lane in ti.static(range(self.state.lanes.width)):
+            size = 0.25 * self.modulus(at, lane, step) * step.spacing * step.spacing * exist[lane]
+            if ti.static(self.state.features.history):
+                damage = self.state.volume_damage[at.k, at.j, at.m][lane]
+                size *= self.share(found[9, lane], damage, step)
+            for n in ti.static(range(9)):
+                force = size * found[9, lane] * found[n, lane]
                 self.state.swelling[n // 3][n % 3][at.strip, at.row, at.k, at.m][lane] = force
 
     @ti.func
@@ -124,10 +206,16 @@ class ModuleVolumes:
 
     @ti.func
     def column_energy(self, at: ti.template(), step: ti.template()):
-        """Energy of a column's modules, J, in f64."""
+        """Energy of a column's modules, and what they have lost by fracture, J, in f64."""
         found, exist = self.swelling(at, step), self.exist(at)
-        total = ti.cast(0.0, ti.f64)
+        total, lost = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
         for lane in ti.static(range(self.state.lanes.width)):
-            total += ti.cast(exist[lane] * found[9, lane] * found[9, lane], ti.f64)
+            square = ti.cast(exist[lane] * found[9, lane] * found[9, lane], ti.f64)
+            square *= self.modulus(at, lane, step)
+            if ti.static(self.state.features.history):
+                damage = self.state.volume_damage[at.k, at.j, at.m][lane]
+                square *= self.share(found[9, lane], damage, step)
+                lost += exist[lane] * self.state.volume_loss[at.k, at.j, at.m][lane]
+            total += square
         edge = ti.cast(step.spacing, ti.f64)
-        return 0.5 * step.volumetric * edge**3 * total
+        return 0.5 * edge**3 * total, lost

@@ -39,7 +39,7 @@ CRACK = {"after_failure": "closing", "fracture": "crack"}
 precision, damping, clamp = sys.argv[1], float(sys.argv[2]), sys.argv[3]
 scene = block_scene(
     16, 16, 3,
-    material=DAMAGE | (CRACK if precision == "f32" else {}),
+    material=DAMAGE | {"poisson_ratio": 0.36} | (CRACK if precision == "f32" else {}),
     disorder={"fracture_energy_cv": 0.3, "youngs_modulus_cv": 0.1, "density_cv": 0.1, "seed": 5},
     striker={"diameter": 2e-3, "mass": 1e-3, "velocity": 6.0, "gravity": 9.81, "gap": 2e-5},
     clamp={"kind": clamp, "inner_diameter": 5.2e-3, "outer_diameter": 7.6e-3},

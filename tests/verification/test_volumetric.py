@@ -1,25 +1,25 @@
 """Modules with an energy of their volume: the isotropic solid of any Poisson's ratio."""
 
 import itertools
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from support.blocks import PMMA, block_scene
+from support.blocks import DAMAGE, PMMA, block_scene
 from support.reference import Body
 
 from taichi_ldem.errors import SceneError
 from taichi_ldem.model import material as mat
 from taichi_ldem.model.cell import CELLS
 from taichi_ldem.model.lattice import prism
-from taichi_ldem.scene import Material
+from taichi_ldem.scene import Material, Scene
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation
 
 Array = np.ndarray
 MODULUS = PMMA["youngs_modulus"]
-RATIOS = (0.01, 0.1, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.49)
+RATIOS = (0.0, 0.1, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.49)
 CORNERS = list(itertools.product((-1, 1), repeat=3))
 
 
@@ -100,6 +100,9 @@ def test_no_wave_of_the_brillouin_zone_is_unstable(ratio: float, lattice: str) -
 # -- the kernels -----------------------------------------------------------------------------------
 
 
+FINE = 0.3e-3  # edge at which bars soften before they fail
+BREAKS = PMMA | DAMAGE | {"poisson_ratio": 0.36, "fracture": "crack", "failure_strain": 0.9}
+BRITTLE = {"material": {"failure_strain": 0.0175}}
 CUBIC = pytest.param("cubic-26", marks=pytest.mark.slow)  # for the time that kernels take
 
 
@@ -107,8 +110,21 @@ CUBIC = pytest.param("cubic-26", marks=pytest.mark.slow)  # for the time that ke
 def simulation(taichi: None, request: pytest.FixtureRequest) -> "Simulation":
     from taichi_ldem.solver.simulation import Simulation
 
-    plate = {"lattice": request.param, "stiffness": "volumetric"}
-    return Simulation(block_scene(7, 5, 4, plate=plate, material={**PMMA, "poisson_ratio": 0.36}))
+    return Simulation(_block(request.param))
+
+
+def _block(lattice: str, **tables: Any) -> Scene:
+    """A block whose bars break at 90 % unless the tables say more: it is elastic."""
+    material = BREAKS | tables.pop("material", {})
+    plate = {"lattice": lattice}
+    return block_scene(7, 5, 4, spacing=FINE, plate=plate, material=material, **tables)
+
+
+def _renewed(simulation: "Simulation", **tables: Any) -> Scene:
+    """The simulation's block, at rest and whole, with other numbers."""
+    scene = _block(simulation.scene.plate.lattice, **tables)
+    simulation.reset(scene)
+    return scene
 
 
 def _total(simulation: "Simulation", field: Array) -> float:
@@ -166,13 +182,144 @@ def test_a_rotation_costs_nothing(simulation: "Simulation") -> None:
 
 
 def test_energy_of_a_vibration_is_kept(simulation: "Simulation") -> None:
+    _renewed(simulation)
     simulation.start_from(0.02 * _noise(simulation, 4), 0.0 * _noise(simulation, 4))
     first = simulation.sample_step().ledger.stored
     simulation.advance(400)
     assert simulation.sample_step().ledger.stored == pytest.approx(first, rel=1e-3)
 
 
-def test_bars_that_break_are_refused() -> None:
-    material = PMMA | {"damage": True, "fracture_energy": 1034.0, "failure_strain": 0.02}
-    with pytest.raises(SceneError, match=r"plate.stiffness .*needs material.damage = false"):
-        block_scene(4, 4, 2, plate={"stiffness": "volumetric"}, material=material)
+# -- modules whose bars break ----------------------------------------------------------------------
+
+
+def _of_modules(field: Array, offset: tuple[int, int, int], shape: tuple[int, ...]) -> Array:
+    """Values of (*S) sites at an offset from each module's."""
+    (z, y, x), (nz, ny, nx) = offset, shape
+    return field[1 + z : 1 + z + nz, 1 + y : 1 + y + ny, 1 + x : 1 + x + nx]
+
+
+def _stored(simulation: "Simulation", name: str) -> Array:
+    """(nz, ny, nx) a field of modules."""
+    dynamics = simulation.dynamics
+    field = dynamics.lanes.gather(getattr(dynamics, name).to_numpy())
+    return _of_modules(field, (0, 0, 0), dynamics.lattice.mask.shape)
+
+
+def _determinants(simulation: "Simulation", field: Array) -> Array:
+    """(nz, ny, nx) J of modules, by NumPy."""
+    lattice = simulation.dynamics.lattice
+    place = (lattice.positions() + field)[0]
+    gradient = np.zeros((*lattice.mask.shape, 3, 3))
+    for x, y, z in CORNERS:
+        corner = np.stack(
+            [
+                _of_modules(
+                    place[..., axis], (int(z > 0), int(y > 0), int(x > 0)), lattice.mask.shape
+                )
+                for axis in range(3)
+            ],
+            axis=-1,
+        )
+        gradient += corner[..., :, None] * np.array((x, y, z)) / (4 * lattice.spacing)
+    return np.asarray(np.linalg.det(gradient))
+
+
+def _damage(simulation: "Simulation") -> Array:
+    """(nz, ny, nx) 1 less the least share of stiffness of a module's bars, bar by bar."""
+    dynamics = simulation.dynamics
+    lattice, families = dynamics.lattice, mat.bars_of(simulation.scene)
+    least = np.ones(lattice.mask.shape)
+    for bar, offset in lattice.cell.of_module:
+        peak = _of_modules(
+            dynamics.lanes.gather(dynamics.peak[bar].to_numpy()), offset, lattice.mask.shape
+        )
+        last = families[lattice.cell.family[bar]].ductility
+        falling = (last - peak) / (last - 1) / np.maximum(peak, 1)  # Fig. 2 of the paper
+        share = np.where(peak > 1, np.maximum(falling, 0), 1.0)
+        share[peak < 0] = 0  # failed at the tip of a crack
+        least = np.minimum(least, share)
+    return 1 - least
+
+
+def test_a_module_loses_its_volume_with_its_weakest_bar(simulation: "Simulation") -> None:
+    _renewed(simulation, **BRITTLE)
+    dynamics = simulation.dynamics
+    lattice = dynamics.lattice
+    modulus = mat.volumetric_modulus(MODULUS, 0.36) * lattice.spacing**3
+    stretch = 0.018 * lattice.positions()[..., 0] * lattice.exists()
+    loss, before = np.zeros(lattice.mask.shape), np.zeros(lattice.mask.shape)
+    for seed in (5, 6, 7):  # the damage of a step is that of the bars after the step before it
+        field = 0.25 * _noise(simulation, seed)
+        field[..., 0] += stretch
+        damage = _damage(simulation)
+        dynamics.set_displacement(0, field)
+        dynamics.kick(0, 0.0)
+        np.testing.assert_allclose(_stored(simulation, "volume_damage"), damage, atol=1e-12)
+        grown = _determinants(simulation, field) - 1
+
+        def share(damage: Array, grown: Array = grown) -> Array:
+            return np.where((grown < 0) & (damage < 1), 1.0, 1 - damage)
+
+        loss += 0.5 * modulus * (share(before) - share(damage)) * grown**2
+        before = damage
+    assert np.count_nonzero((damage > 0) & (damage < 1)) > 10
+    assert np.count_nonzero(damage == 1) > 10
+    np.testing.assert_allclose(_stored(simulation, "volume_loss"), loss, atol=1e-9 * loss.max())
+    simulation.energies.potential(0)
+    with_volumes = simulation.energies.total()
+    kept = dynamics.volumetric
+    dynamics.volumetric = 0.0
+    simulation.energies.potential(0)
+    bars = simulation.energies.total()
+    dynamics.volumetric = kept
+    of_volumes = 0.5 * modulus * (share(damage) * grown**2).sum()
+    assert with_volumes[0] - bars[0] == pytest.approx(of_volumes, rel=1e-9)
+    assert with_volumes[1] == pytest.approx(bars[1], rel=1e-12)
+    assert loss.sum() < with_volumes[1]
+
+
+def test_a_flying_body_cracks_and_keeps_momentum_and_energy(simulation: "Simulation") -> None:
+    """It turns at 500 rad/s, is pulled apart, and breaks; no force from outside."""
+    times = {"solver": {"duration": 3e-5, "safety": 0.5}, "output": {"history_interval": 1e-6}}
+    _renewed(simulation, **BRITTLE, **times)
+    lattice = simulation.dynamics.lattice
+    exists = lattice.exists()[..., None]
+    place = lattice.positions() * exists
+    drift = np.array([20.0, -10.0, 30.0])
+    velocity = (drift + np.cross([300.0, -200.0, 500.0], place)) * exists
+    velocity[..., 0] += 6e4 * place[..., 0]
+    simulation.start_from(np.zeros_like(velocity), velocity)
+    mass = simulation.dynamics.masses()[..., None]
+
+    def momenta() -> tuple[Array, Array]:
+        momentum = mass * simulation.dynamics.get_velocity()
+        moment = np.cross((place + simulation.displacement()) * exists, momentum)
+        return momentum.sum(axis=(0, 1, 2, 3)), moment.sum(axis=(0, 1, 2, 3))
+
+    start = momenta()
+    samples = list(simulation.samples())
+    assert samples[-1].broken_bars > 50
+    assert samples[-1].ledger.fracture > 0.05 * samples[-1].ledger.kinetic_plate
+    assert max(sample.energy_error for sample in samples) < 3e-3
+    np.testing.assert_allclose(momenta()[0], start[0], atol=1e-12 * np.abs(start[0]).max())
+    np.testing.assert_allclose(momenta()[1], start[1], atol=1e-12 * np.abs(start[1]).max())
+
+
+# -- scenes ----------------------------------------------------------------------------------------
+
+
+def test_it_is_the_default_where_bars_alone_are_not_isotropic() -> None:
+    scene = block_scene(4, 4, 2, material=PMMA | {"poisson_ratio": 0.36})
+    assert scene.plate.stiffness == "volumetric"
+    assert block_scene(4, 4, 2).plate.stiffness == "equation-2"
+    assert scene.changed("material.poisson_ratio=0.25").plate.stiffness == "equation-2"
+    assert scene.changed("plate.stiffness=equation-2").plate.stiffness == "equation-2"
+
+
+def test_bars_that_break_are_refused_where_they_would_give_energy() -> None:
+    with pytest.raises(SceneError, match=r"poisson_ratio = 0.1: must be at least 0.16 where bars"):
+        block_scene(4, 4, 2, material=BREAKS | {"poisson_ratio": 0.1})
+    with pytest.raises(SceneError, match=r"poisson_ratio = 0.0: .*is a mechanism"):
+        block_scene(
+            4, 4, 2, material=PMMA | {"poisson_ratio": 0.0}, plate={"stiffness": "equation-2"}
+        )

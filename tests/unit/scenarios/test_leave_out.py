@@ -20,7 +20,6 @@ def test_everything_leaves_out_only_what_a_plate_cannot_have(file: Path) -> None
     assert full.plate.modules == scene.plate.modules
     assert [line.split(" (")[0] for line in left_out(full)] == [
         "strength apart from toughness",  # with a G_f that varies, it cannot be
-        "energy of a module's volume",  # nor this with damage
         "grips and gauge",
         "support contact",
     ]

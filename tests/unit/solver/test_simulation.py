@@ -257,6 +257,7 @@ from taichi_ldem.solver import backend
 precision, threads, variant, out = sys.argv[1], int(sys.argv[2]), *sys.argv[3:]
 variants = {"gone": {}, "closing": {"after_failure": "closing"}}
 variants["crack"] = variants["closing"] | {"fracture": "crack"}
+variants["volumes"] = variants["crack"] | {"poisson_ratio": 0.36}
 scene = block_scene(
     16, 16, 3,
     material=DAMAGE | variants[variant],
@@ -317,7 +318,7 @@ def test_the_number_of_threads_changes_no_bit(runs: Runs, precision: str) -> Non
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("variant", ["closing", "crack"])
+@pytest.mark.parametrize("variant", ["closing", "crack", "volumes"])
 def test_variants_of_fracture_keep_bits_and_energy(runs: Runs, variant: str) -> None:
     one, two, gone = runs[f"f64-1-{variant}"], runs[f"f64-2-{variant}"], runs["f64-2-gone"]
     for name in one:

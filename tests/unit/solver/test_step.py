@@ -11,15 +11,16 @@ from taichi_ldem.scene import Material
 
 
 @pytest.mark.parametrize(
-    ("law", "crack"),
+    ("law", "crack", "volumetric"),
     [
-        pytest.param(None, False, marks=pytest.mark.slow),
-        ("bilinear", False),
-        pytest.param("bilinear", True, marks=pytest.mark.slow),
+        pytest.param(None, False, False, marks=pytest.mark.slow),
+        ("bilinear", False, False),
+        pytest.param("bilinear", True, False, marks=pytest.mark.slow),
+        pytest.param("bilinear", True, True, marks=pytest.mark.slow),
     ],
 )
 def test_whole_passes_and_strips_are_the_same_step(
-    taichi: None, law: str | None, crack: bool
+    taichi: None, law: str | None, crack: bool, volumetric: bool
 ) -> None:
     """A GPU takes the passes one after the other, a site to a lane: the same to the last bit."""
     from taichi_ldem.solver.dynamics import Dynamics, Features
@@ -31,9 +32,10 @@ def test_whole_passes_and_strips_are_the_same_step(
     start = random_displacement(body, 0.01 * SPACING)
     ends = []
     for in_strips in (True, False):
-        features = Features(law=law, crack=crack)
+        features = Features(law=law, crack=crack, volumetric=volumetric)
         dynamics = Dynamics(Lattice(mask, SPACING), bars, 1190.0, features, in_strips)
         assert (dynamics.lanes.width > 1) == in_strips
+        dynamics.volumetric, dynamics.poisson_ratio = 1.5e9 * volumetric, 0.36  # Pa, order of E
         dynamics.set_displacement(0, body.spread(start))
         for step in range(30):
             dynamics.step(step % 2, 9e-8, 9e-8, 0.0, step == 29)

@@ -97,9 +97,15 @@ DENSITIES = tuple(
 
 POISSON_RATIOS = tuple(
     case
-    for nu in (0.1, 0.4, 0.49, 0.4999)
+    for stiffness, ratios, because in (
+        ("equation-2", (0.1, 0.4, 0.49, 0.4999), "omega_max follows EA_d / EA_l"),
+        ("volumetric", (0.0, 0.4999), "omega_max follows lambda - mu"),
+    )
+    for nu in ratios
     for case in bracketed(
-        f"nu = {nu}", {"material.poisson_ratio": nu}, "omega_max follows EA_d / EA_l"
+        f"nu = {nu}, {stiffness}",
+        {"material.poisson_ratio": nu, "plate.stiffness": stiffness},
+        because,
     )
 )
 
