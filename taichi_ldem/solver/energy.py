@@ -149,7 +149,8 @@ class EnergySums:
                             total += self.bar_energy(bar, strain[lane], at, lane, step)
                     if ti.static(self.state.features.volumetric):
                         stored, lost = self.volumes.column_energy(at, step)
-                        total += ti.Vector([stored, lost, 0.0], ti.f64)
+                        total[0] += stored
+                        total[1] += lost
             self.rows[row] = total
 
     def potential(self, now: int) -> None:

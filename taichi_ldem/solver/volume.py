@@ -48,10 +48,10 @@ class ModuleVolumes:
     @ti.func
     def exist(self, at: ti.template()):
         """1 in the lanes of a column where the site's own module exists, 0 elsewhere."""
-        code = self.state.code[at.k, at.j, at.m]
-        return ti.Vector(
-            [ti.cast(code[n] >> 7, float) for n in ti.static(range(self.state.lanes.width))]
-        )
+        k, j, m = at.k, at.j, at.m
+        # lane by lane: with a whole vector of bytes, Taichi's optimiser fails in some kernels
+        lanes = ti.static(range(self.state.lanes.width))
+        return ti.Vector([float(int(self.state.code[k, j, m][n]) >> 7) for n in lanes])
 
     @ti.func
     def stretch(self, i: ti.template(), j: ti.template(), at: ti.template(), step: ti.template()):
@@ -77,27 +77,21 @@ class ModuleVolumes:
 
     @ti.func
     def swelling(self, at: ti.template(), step: ti.template()):
-        """J - 1 and cof(F) of a column's modules: (10, lanes).
+        """J - 1 of a column's modules, and the nine cofactors of F, in every lane.
 
         With F = G + H, det F - det G = cof(G) : H + G : cof(H) + det H: nothing cancels at small
         strain.
         """
         h = [self.stretch(i, j, at, step) for i, j in ti.static(AXES)]
         g = [self.rest(i, j, at) for i, j in ti.static(AXES)]
-        f = [h[n] + g[n] for n in ti.static(range(9))]
-        of_h, of_g, of_f = self.cofactors(h), self.cofactors(g), self.cofactors(f)
+        of_h, of_g = self.cofactors(h), self.cofactors(g)
+        of_f = self.cofactors([h[n] + g[n] for n in ti.static(range(9))])
         grown = ti.Vector.zero(float, self.state.lanes.width)
         for n in ti.static(range(9)):
             grown += of_g[n] * h[n] + g[n] * of_h[n]
         for n in ti.static(range(3)):
             grown += h[n] * of_h[n]
-        before = g[0] * of_g[0] + g[1] * of_g[1] + g[2] * of_g[2]
-        result = ti.Matrix.zero(float, 10, self.state.lanes.width)
-        for lane in ti.static(range(self.state.lanes.width)):
-            result[9, lane] = grown[lane] / before[lane]
-            for n in ti.static(range(9)):
-                result[n, lane] = of_f[n][lane]
-        return result
+        return grown / (g[0] * of_g[0] + g[1] * of_g[1] + g[2] * of_g[2]), of_f
 
     @ti.func
     def cofactors(self, a: ti.template()):
@@ -154,9 +148,8 @@ class ModuleVolumes:
     def weaken(self, at: ti.template(), step: ti.template()):
         """Let the damage of a column's modules follow that of their bars before this step."""
         if self.is_near_damage(at):
-            found, exist = self.swelling(at, step), self.exist(at)
-            lanes = ti.static(range(self.state.lanes.width))
-            grown = ti.Vector([found[9, lane] for lane in lanes])
+            grown, _ = self.swelling(at, step)
+            exist = self.exist(at)
             for lane in range(self.state.lanes.width):
                 if exist[lane] > 0:
                     self.weaken_module(grown[lane], at, lane, step)
@@ -181,14 +174,15 @@ class ModuleVolumes:
     @ti.func
     def column_forces(self, at: ti.template(), step: ti.template()):
         """Store the forces of a column's modules on their corners."""
-        found, exist = self.swelling(at, step), self.exist(at)
+        grown, cofactors = self.swelling(at, step)
+        exist = self.exist(at)
         for lane in ti.static(range(self.state.lanes.width)):
             size = 0.25 * self.modulus(at, lane, step) * step.spacing * step.spacing * exist[lane]
             if ti.static(self.state.features.history):
                 damage = self.state.volume_damage[at.k, at.j, at.m][lane]
-                size *= self.share(found[9, lane], damage, step)
+                size *= self.share(grown[lane], damage, step)
             for n in ti.static(range(9)):
-                force = size * found[9, lane] * found[n, lane]
+                force = size * grown[lane] * cofactors[n][lane]
                 self.state.swelling[n // 3][n % 3][at.strip, at.row, at.k, at.m][lane] = force
 
     @ti.func
@@ -207,14 +201,15 @@ class ModuleVolumes:
     @ti.func
     def column_energy(self, at: ti.template(), step: ti.template()):
         """Energy of a column's modules, and what they have lost by fracture, J, in f64."""
-        found, exist = self.swelling(at, step), self.exist(at)
+        grown, _ = self.swelling(at, step)
+        exist = self.exist(at)
         total, lost = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
         for lane in ti.static(range(self.state.lanes.width)):
-            square = ti.cast(exist[lane] * found[9, lane] * found[9, lane], ti.f64)
+            square = ti.cast(exist[lane] * grown[lane] * grown[lane], ti.f64)
             square *= self.modulus(at, lane, step)
             if ti.static(self.state.features.history):
                 damage = self.state.volume_damage[at.k, at.j, at.m][lane]
-                square *= self.share(found[9, lane], damage, step)
+                square *= self.share(grown[lane], damage, step)
                 lost += exist[lane] * self.state.volume_loss[at.k, at.j, at.m][lane]
             total += square
         edge = ti.cast(step.spacing, ti.f64)
