@@ -19,6 +19,8 @@ def runs(request: pytest.FixtureRequest) -> dict[str, dict[str, Any]]:
 
 @pytest.mark.parametrize("name", regression.SCENES)
 def test_a_reference_run_has_not_changed(runs: dict[str, dict[str, Any]], name: str) -> None:
+    if name not in runs:
+        pytest.skip("run as users do only")
     run, reference = runs[name], regression.stored(name)
     assert regression.deviations(name, run, reference) == []
     known = regression.known_digest(reference, run["made_with"])
