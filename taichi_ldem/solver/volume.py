@@ -80,18 +80,27 @@ class ModuleVolumes:
         """J - 1 of a column's modules, and the nine cofactors of F, in every lane.
 
         With F = G + H, det F - det G = cof(G) : H + G : cof(H) + det H: nothing cancels at small
-        strain.
+        strain. In a regular lattice G is 1.
         """
         h = [self.stretch(i, j, at, step) for i, j in ti.static(AXES)]
-        g = [self.rest(i, j, at) for i, j in ti.static(AXES)]
-        of_h, of_g = self.cofactors(h), self.cofactors(g)
-        of_f = self.cofactors([h[n] + g[n] for n in ti.static(range(9))])
-        grown = ti.Vector.zero(float, self.state.lanes.width)
-        for n in ti.static(range(9)):
-            grown += of_g[n] * h[n] + g[n] * of_h[n]
-        for n in ti.static(range(3)):
-            grown += h[n] * of_h[n]
-        return grown / (g[0] * of_g[0] + g[1] * of_g[1] + g[2] * of_g[2]), of_f
+        of_h = self.cofactors(h)
+        det_h = h[0] * of_h[0] + h[1] * of_h[1] + h[2] * of_h[2]
+        if ti.static(self.state.features.perturbed):
+            g = [self.rest(i, j, at) for i, j in ti.static(AXES)]
+            of_g = self.cofactors(g)
+            grown = det_h
+            for n in ti.static(range(9)):
+                grown += of_g[n] * h[n] + g[n] * of_h[n]
+            of_f = self.cofactors([h[n] + g[n] for n in ti.static(range(9))])
+            return grown / (g[0] * of_g[0] + g[1] * of_g[1] + g[2] * of_g[2]), of_f
+        else:
+            # cof(1 + H) = (1 + tr H) 1 - H^T + cof(H)
+            trace = h[0] + h[4] + h[8]
+            of_f = [
+                of_h[3 * i + j] - h[3 * j + i] + ti.static(float(i == j)) * (1 + trace)
+                for i, j in ti.static(AXES)
+            ]
+            return trace + (of_h[0] + of_h[4] + of_h[8]) + det_h, of_f
 
     @ti.func
     def cofactors(self, a: ti.template()):

