@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_ldem.analysis.strain import green_strain, mean_gradient
 from taichi_ldem.output.render.surfaces import FAILED_SHARE, holding
 from taichi_ldem.scene import Scene
 from taichi_ldem.storage.fields import Fields, read_fields
@@ -41,16 +42,7 @@ def strain_energy(fields: Fields, stiffness: tuple[float, float, float]) -> Floa
     Args:
         stiffness: C11, C12, C44, Pa.
     """
-    place = fields.points[fields.hexahedra]
-    displacement = fields.displacement[fields.hexahedra].astype(np.float64)
-    edge = np.linalg.norm(place[0, 1] - place[0, 0])
-    sides = np.sign(
-        place[0] - place[0].mean(axis=0)
-    )  # (8, 3) side of the centre on which a corner lies
-    # mean displacement of a face's four corners minus that of the opposite face
-    gradient = np.einsum("cni,nj->cij", displacement, sides) / (4 * edge)
-    deformation = gradient + np.eye(3)
-    strain = (np.einsum("cki,ckj->cij", deformation, deformation) - np.eye(3)) / 2
+    strain = green_strain(mean_gradient(fields.points, fields.hexahedra, fields.displacement))
     c11, c12, c44 = stiffness
     xx, yy, zz = (strain[:, n, n] for n in range(3))
     shear = strain[:, 0, 1] ** 2 + strain[:, 0, 2] ** 2 + strain[:, 1, 2] ** 2

@@ -1,0 +1,76 @@
+"""Counts the pieces of the plate during a run, for its fields, fragments.csv and summary."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from taichi_ldem.analysis.fragments import Labels, Pieces, labels_of, of_modules, pieces_of
+from taichi_ldem.storage.fragments import FragmentWriter
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from taichi_ldem.solver.simulation import Simulation
+
+
+class FragmentOutput:
+    """Counts the pieces at the times at which fields are written.
+
+    Args:
+        path: of fragments.csv.
+        until: time up to which an earlier process has written it, s; None: a new run.
+
+    Attributes:
+        last: the pieces at the latest of these times; None before the first.
+    """
+
+    def __init__(self, path: "Path", simulation: "Simulation", until: float | None = None):
+        from taichi_ldem.solver.build import notch_bars
+
+        self.simulation = simulation
+        self.removed = notch_bars(simulation.scene, simulation.dynamics.lattice)
+        self.writer = FragmentWriter(path, until)
+        self.last: Pieces | None = None
+
+    def write(self, at: float) -> Labels:
+        """Write the pieces of the last sampled step, and return the piece of each module.
+
+        Bars that have failed must have been recorded (``Dynamics.new_broken``). Places are those of
+        the sample and velocities half a step later, as in the fields.
+        """
+        labels = self._count()
+        assert self.last is not None
+        self.writer.append(at, _columns(self.last))
+        return of_modules(self.simulation.dynamics.lattice, labels)
+
+    def _count(self) -> Labels:
+        s, dynamics = self.simulation, self.simulation.dynamics
+        failed = self.removed
+        if dynamics.features.damage:
+            failed = failed | dynamics.recorded_bits()
+        labels = labels_of(dynamics.lattice, failed)
+        moved, velocity = s.displacement_before(), dynamics.get_velocity()
+        self.last = pieces_of(dynamics.lattice, labels, dynamics.masses(), moved, velocity)
+        return labels
+
+    def summary(self) -> dict[str, float | int]:
+        """Numbers of the pieces at the end, for the summary of a finished run."""
+        if self.last is None:  # resumed after the last fields had been written
+            self._count()
+        assert self.last is not None
+        return self.last.summary()
+
+
+def _columns(pieces: Pieces) -> dict[str, npt.NDArray[Any]]:
+    """The pieces under the names of the columns of fragments.csv."""
+    columns: dict[str, npt.NDArray[Any]]
+    columns = {"fragment": pieces.number, "nodes": pieces.nodes, "mass_kg": pieces.mass}
+    for form, vectors in (
+        ("{}_m", pieces.centre),
+        ("velocity_{}_m_s", pieces.velocity),
+        ("momentum_{}_kg_m_s", pieces.momentum),
+        ("extent_{}_m", pieces.extent),
+    ):
+        columns |= {form.format(axis): vectors[:, n] for n, axis in enumerate("xyz")}
+    return columns | {"equivalent_diameter_m": np.asarray(pieces.diameter)}
