@@ -88,12 +88,6 @@ class FieldOutput:
             self.written = (self.written[0], self.written[1] + len(bars))
             self.pending = []
 
-    def sync(self) -> None:
-        """Put what has been written on the disk; the fields are there already."""
-        self.flush()
-        if self.fragments is not None:
-            self.fragments.writer.sync()
-
     def summary(self) -> dict[str, float | int]:
         """Numbers of a finished run."""
         return {} if self.fragments is None else self.fragments.summary()

@@ -6,6 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from taichi_ldem.analysis.fragments import Labels, Pieces, labels_of, of_modules, pieces_of
+from taichi_ldem.storage.fields import read_broken_bars
+from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.storage.fragments import FragmentWriter
 
 if TYPE_CHECKING:
@@ -60,6 +62,23 @@ class FragmentOutput:
             self._count()
         assert self.last is not None
         return self.last.summary()
+
+
+def fragments_of(folder: RunFolder, time_s: float) -> Labels:
+    """(modules,) the piece of each module of a run at a stored time, from its broken bars.
+
+    Every run stores these, whether its scene asks for fragments or not.
+
+    Raises:
+        SceneError: a file of the run cannot be read.
+    """
+    from taichi_ldem.solver.build import build_lattice, notch_bars
+
+    scene, bars = folder.read_scene(), read_broken_bars(folder.fields_file)
+    lattice = build_lattice(scene)
+    before = bars.time_s <= time_s
+    failed = lattice.failed_bits(bars.position_m[before], bars.bar[before])
+    return of_modules(lattice, labels_of(lattice, failed | notch_bars(scene, lattice)))
 
 
 def _columns(pieces: Pieces) -> dict[str, npt.NDArray[Any]]:

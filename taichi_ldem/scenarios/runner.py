@@ -310,7 +310,7 @@ class Recorder:
 
     def save(self) -> None:
         """Write everything to disk, the checkpoint last, which records the lengths of the files."""
-        self.fields.sync()
+        self.fields.flush()
         if self.checkpoints is None:
             return
         from taichi_ldem.storage.checkpoint import Checkpoint

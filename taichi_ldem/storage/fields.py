@@ -6,7 +6,8 @@ The file is a VTKHDF unstructured grid (format 2.2), which ParaView and PyVista 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from dataclasses import field as part
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -310,7 +311,7 @@ class Fields:
     broken_fraction: NDArray[np.float32]
     time: float
     times: NDArray[np.float64]
-    quantities: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    quantities: Mapping[str, NDArray[Any]] = part(default_factory=dict)
 
     @property
     def fault(self) -> str:

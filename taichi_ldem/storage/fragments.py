@@ -55,21 +55,18 @@ class FragmentWriter:
             kept = table["time_s"] <= until
             rows = _lines({name: table[name][kept] for name in COLUMNS})
         write_whole(path, ("\n".join([",".join(COLUMNS), *rows]) + "\n").encode())
-        self._file = Appending(path)
+        self._path = path
 
     def append(self, time_s: float, pieces: Mapping[str, ArrayLike]) -> None:
         """Add the pieces at a time: (n,) values of every column but the time."""
         values = {name: np.asarray(column) for name, column in pieces.items()}
         times = np.full(len(values["fragment"]), time_s)
-        self._file.append("".join(f"{line}\n" for line in _lines(values | {"time_s": times})))
-
-    def sync(self) -> None:
-        """Put all lines on the disk, which the system does in its own time otherwise."""
-        self._file.sync()
-
-    def close(self) -> None:
-        """Close the file; nothing is pending."""
-        self._file.close()
+        file = Appending(self._path)
+        try:
+            file.append("".join(f"{line}\n" for line in _lines(values | {"time_s": times})))
+            file.sync()
+        finally:
+            file.close()
 
 
 def _lines(values: Mapping[str, NDArray[Any]]) -> list[str]:

@@ -93,6 +93,8 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
     axes.set_ylabel(panel.y)
     if panel.log:
         axes.set_yscale("log")
+    if panel.log_x:
+        axes.set_xscale("log")
     draw_elements(axes, panel.visible)
     if panel.y_range is not None:
         axes.set_ylim(*panel.y_range)
