@@ -15,6 +15,9 @@ def differences(run: Path, other: Path) -> list[str]:
     one, two = RunFolder.open(run), RunFolder.open(other)
     if one.history_file.read_bytes() != two.history_file.read_bytes():
         found.append("history.csv")
+    pieces = [f.fragments_file.read_bytes() for f in (one, two) if f.fragments_file.exists()]
+    if len(pieces) == 1 or pieces[:1] != pieces[1:]:
+        found.append("fragments.csv")
     if not np.array_equal(read_times(one.fields_file), read_times(two.fields_file)):
         return [*found, "times of the fields"]
     for step in range(len(read_times(one.fields_file))):
