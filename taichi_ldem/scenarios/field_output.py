@@ -104,7 +104,7 @@ class FieldOutput:
             fraction = s.broken_fraction()[self.module]
         quantities: dict[str, Any] = self.quantities.at_sample(moved, displacement)
         if self.fragments is not None:
-            quantities["fragment"] = self.fragments.write(at)
+            quantities["fragment"] = self.fragments.write(at, moved)
         self.writer.append(at, displacement, velocity, fraction, quantities)
         self.written = (self.written[0] + 1, self.written[1])
 

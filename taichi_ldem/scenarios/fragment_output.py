@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from taichi_ldem.analysis.fragments import Labels, Pieces, labels_of, of_modules, pieces_of
+from taichi_ldem.analysis.fragments import Array, Labels, Pieces, labels_of, of_modules, pieces_of
 from taichi_ldem.storage.fields import read_broken_bars
 from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.storage.fragments import FragmentWriter
@@ -28,40 +28,46 @@ class FragmentOutput:
     """
 
     def __init__(self, path: "Path", simulation: "Simulation", until: float | None = None):
-        from taichi_ldem.solver.build import notch_bars
-
         self.simulation = simulation
-        self.removed = notch_bars(simulation.scene, simulation.dynamics.lattice)
         self.writer = FragmentWriter(path, until)
         self.last: Pieces | None = None
 
-    def write(self, at: float) -> Labels:
+    def write(self, at: float, displacement: Array) -> Labels:
         """Write the pieces of the last sampled step, and return the piece of each module.
 
-        Bars that have failed must have been recorded (``Dynamics.new_broken``). Places are those of
-        the sample and velocities half a step later, as in the fields.
+        Velocities are those half a step later, as in the fields.
+
+        Args:
+            displacement: (sublattices, *S, 3) at the sample, m.
         """
-        labels = self._count()
-        assert self.last is not None
+        labels, self.last = count(self.simulation, displacement)
         self.writer.append(at, _columns(self.last))
         return of_modules(self.simulation.dynamics.lattice, labels)
-
-    def _count(self) -> Labels:
-        s, dynamics = self.simulation, self.simulation.dynamics
-        failed = self.removed
-        if dynamics.features.damage:
-            failed = failed | dynamics.recorded_bits()
-        labels = labels_of(dynamics.lattice, failed)
-        moved, velocity = s.displacement_before(), dynamics.get_velocity()
-        self.last = pieces_of(dynamics.lattice, labels, dynamics.masses(), moved, velocity)
-        return labels
 
     def summary(self) -> dict[str, float | int]:
         """Numbers of the pieces at the end, for the summary of a finished run."""
         if self.last is None:  # resumed after the last fields had been written
-            self._count()
-        assert self.last is not None
+            _, self.last = count(self.simulation, self.simulation.displacement_before())
         return self.last.summary()
+
+
+def count(simulation: "Simulation", displacement: Array) -> tuple[Labels, Pieces]:
+    """The pieces of a simulation's plate now.
+
+    Bars that have failed must have been recorded (``Dynamics.new_broken``).
+
+    Args:
+        displacement: (sublattices, *S, 3), m.
+    """
+    from taichi_ldem.solver.build import notch_bars
+
+    dynamics = simulation.dynamics
+    failed = notch_bars(simulation.scene, dynamics.lattice)
+    if dynamics.features.damage:
+        failed |= dynamics.recorded_bits()
+    labels = labels_of(dynamics.lattice, failed)
+    moving = displacement, dynamics.get_velocity()
+    return labels, pieces_of(dynamics.lattice, labels, dynamics.masses(), *moving)
 
 
 def fragments_of(folder: RunFolder, time_s: float) -> Labels:
