@@ -12,14 +12,18 @@ import numpy as np
 import pytest
 from support.command import COMMAND, SCENE, WITHOUT_VULKAN, ldem
 
+from taichi_ldem.analysis.fragments import labels_of, of_modules
 from taichi_ldem.analysis.strain import green_strain, mean_gradient
 from taichi_ldem.analysis.stress import as_components, as_matrices
+from taichi_ldem.model.cell import CELLS
+from taichi_ldem.model.material import bars_of
 from taichi_ldem.scenarios import runner
 from taichi_ldem.scenarios.measure import measure_run
 from taichi_ldem.scenarios.progress import newtons
 from taichi_ldem.scene.tables import Quantity
 from taichi_ldem.solver.backend import vulkan_device
 from taichi_ldem.solver.contact import observables
+from taichi_ldem.storage import checkpoint
 from taichi_ldem.storage.fields import read_broken_bars, read_fields, read_times
 from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.storage.fragments import read_fragments
@@ -125,6 +129,32 @@ def test_pieces_in_the_fields_and_in_the_table_are_those_of_the_broken_bars(
     assert share > 0
     assert summary["debris_mass_share"] == pytest.approx(share)
     assert (single.path / "fragments.png").stat().st_size > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lattice", CELLS)
+def test_bars_that_failed_at_crack_tips_or_carry_compression_again_join_nothing(
+    taichi: None, scene: Path, lattice: str
+) -> None:
+    """The pieces are those of the peak strains in the last checkpoint, negative at crack tips."""
+    from taichi_ldem.solver.build import build_lattice
+
+    out = scene.parent / lattice
+    keys = ["material.fracture=crack", "material.after_failure=closing", "output.fragments=true"]
+    words = [word for key in (*keys, f"plate.lattice={lattice}") for word in ("--set", key)]
+    done = ldem("impact", str(scene), "--out", str(out), "--quiet", *words)
+    assert done.returncode == 0, done.stderr
+    run = RunFolder.open(out)
+    plate = build_lattice(run.read_scene())
+    peak = checkpoint.decode((out / checkpoint.LATEST).read_bytes()).state["dynamics/peak"]
+    limits = [family.ductility for family in bars_of(run.read_scene())]
+    limit = np.array([limits[family] for family in plate.cell.family])[:, None, None, None]
+    failed = np.moveaxis(plate.bar_exists(), -1, 0) & ((peak < 0) | (peak >= limit * (1 - 1e-9)))
+    assert failed.sum() == run.read_summary()["broken_bars"]
+    assert (peak < 0).any()
+    bits = (failed.astype(np.uint16) << np.arange(len(peak))[:, None, None, None]).sum(axis=0)
+    stored = read_fields(run.fields_file, -1, ["fragment"]).quantities["fragment"]
+    np.testing.assert_array_equal(stored, of_modules(plate, labels_of(plate, bits)))
 
 
 def test_strain_and_stress_of_modules_are_in_the_fields(single: RunFolder) -> None:
