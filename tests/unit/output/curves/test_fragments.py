@@ -3,28 +3,17 @@
 from pathlib import Path
 
 import numpy as np
-from support.synthetic import synthetic_run
+from support.synthetic import add_fragments, synthetic_run
 
 from taichi_ldem.output.curves.chart import Curve
 from taichi_ldem.output.curves.registry import FIGURES
 from taichi_ldem.output.loaded import LoadedRun
 from taichi_ldem.storage.folder import RunFolder
-from taichi_ldem.storage.fragments import COLUMNS, FragmentWriter
 
 
 def _run(path: Path) -> RunFolder:
-    """At the end: debris with 1 % of the mass, two pieces of 2 mm with 9 %, one with 90 %."""
     folder = synthetic_run(path)
-    text = folder.scene_file.read_text()
-    folder.write_scene(text + "fragments = true\n")  # the last table is [output]
-    writer = FragmentWriter(folder.fragments_file)
-    for time, numbers, masses, sizes in (
-        (0.0, [1], [1.0], [0.03]),
-        (1e-2, [0, 1, 2, 3], [0.01, 0.90, 0.06, 0.03], [1e-3, 0.028, 2e-3, 2e-3]),
-    ):
-        values = {name: np.zeros(len(numbers)) for name in COLUMNS}
-        known = {"fragment": numbers, "mass_kg": masses, "equivalent_diameter_m": sizes}
-        writer.append(time, values | {name: np.array(v) for name, v in known.items()})
+    add_fragments(folder)
     return folder
 
 
