@@ -37,6 +37,7 @@ from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.streams import courteous
 
 if TYPE_CHECKING:
+    from taichi_ldem.analysis.fragments import Pieces
     from taichi_ldem.solver.simulation import Sample
     from taichi_ldem.solver.simulation import Simulation as Engine
 
@@ -296,6 +297,17 @@ class Simulation:
         found = [np.argwhere(recorded >> bar & 1) for bar in range(14)]
         bar = np.repeat(np.arange(14), [len(sites) for sites in found])
         return BrokenBars(lattice.bar_midpoints(np.concatenate(found), bar), bar)
+
+    @property
+    def fragments(self) -> Pieces:
+        """The pieces into which the plate has broken, and debris: masses, motion and sizes."""
+        from taichi_ldem.scenarios.fragment_output import count
+
+        engine = self.engine
+        with _alone():
+            if self.scene.material.damage:
+                self._note_broken()
+            return count(engine, engine.displacement())[1]
 
     def _note_broken(self) -> None:
         self.engine.dynamics.new_broken()

@@ -65,7 +65,7 @@ def render(
         str | None,
         typer.Option(metavar="AXIS=METRES", help="cut the plate open, e.g. y=0"),
     ] = None,
-    colour: Annotated[str | None, typer.Option(help="damage, velocity or energy")] = None,
+    colour: Annotated[str | None, typer.Option(help="damage, velocity, energy or fragment")] = None,
     fps: Annotated[float, typer.Option(help="frames a second of a movie")] = 12.0,
     width: Annotated[int, typer.Option(help="width of a movie, pixels")] = 1120,
 ) -> None:

@@ -42,6 +42,18 @@ Node = tuple[int, Offset]
 CORNER, CENTRE = 0, 1
 """The two sublattices of the paper's module; a lattice without centre nodes has the first only."""
 
+HEXAHEDRON = (
+    (0, 0, 0),
+    (1, 0, 0),
+    (1, 1, 0),
+    (0, 1, 0),
+    (0, 0, 1),
+    (1, 0, 1),
+    (1, 1, 1),
+    (0, 1, 1),
+)
+"""The eight corners of a module as (dx, dy, dz), in VTK_HEXAHEDRON's order."""
+
 _CODES = np.arange(256, dtype=np.uint8)
 MODULES: npt.NDArray[np.bool_] = np.unpackbits(_CODES[:, None], axis=1, bitorder="little").astype(
     bool
@@ -127,14 +139,33 @@ class UnitCell:
         return tuple(found)
 
     @cached_property
-    def modules_of(self) -> tuple[tuple[Offset, ...], ...]:
-        """[bar] offsets from its site of the modules that hold its middle."""
+    def lies_in(self) -> tuple[tuple[tuple[Offset, float], ...], ...]:
+        """[bar] the modules that a bar lies in: offsets from its site, share of its length in each.
+
+        A bar along an edge or a face lies with all of its length in each of the modules there, of
+        which not all may exist.
+        """
         found = []
-        for middle in self.starts + 0.5 * self.vectors:
-            around = [(dz - 1, dy - 1, dx - 1) for dz, dy, dx in np.ndindex(2, 2, 2)]
-            held = [o for o in around if np.abs(middle - 0.5 - o[::-1]).max() <= 0.5]
-            found.append(tuple(held))
+        for start, vector in zip(self.starts, self.vectors, strict=True):
+            parts = []
+            for offset in np.ndindex(3, 3, 3):
+                dz, dy, dx = (o - 1 for o in offset)
+                low, high = 0.0, 1.0
+                for begin, along, side in zip(start, vector, (dx, dy, dz), strict=True):
+                    if along == 0:
+                        high = high if side <= begin <= side + 1 else low
+                        continue
+                    one, other = (side - begin) / along, (side + 1 - begin) / along
+                    low, high = max(low, min(one, other)), min(high, max(one, other))
+                if high > low:
+                    parts.append(((dz, dy, dx), float(high - low)))
+            found.append(tuple(parts))
         return tuple(found)
+
+    @cached_property
+    def modules_of(self) -> tuple[tuple[Offset, ...], ...]:
+        """[bar] offsets from its site of the modules that it lies in."""
+        return tuple(tuple(offset for offset, _ in parts) for parts in self.lies_in)
 
     def weights(self, surface_weights: bool) -> Array:
         """Share of a whole bar carried by each of a site's bars, for every site byte.

@@ -13,6 +13,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -152,6 +153,26 @@ class Lattice:
         start = self.cell.starts[bar]
         offset = (site[:, ::-1] - 1 + start + 0.5 * self.cell.vectors[bar]) * self.spacing
         return np.asarray(self.origin) + offset
+
+    def failed_bits(
+        self, midpoint: npt.NDArray[np.float64], bar: npt.NDArray[np.integer[Any]]
+    ) -> npt.NDArray[np.uint16]:
+        """A bit for each of some bars at its site: (nz + 3, ny + 3, nx + 3).
+
+        Args:
+            midpoint: (n, 3) as from ``bar_midpoints``. Bars that the lattice has not are left out.
+            bar: (n,).
+        """
+        known = bar < self.cell.bars
+        midpoint, bar = midpoint[known], bar[known].astype(np.int64)
+        offset = self.cell.starts[bar] + 0.5 * self.cell.vectors[bar]
+        place = np.rint((midpoint - np.asarray(self.origin)) / self.spacing - offset)
+        site = place.astype(np.int64)[:, ::-1] + 1
+        inside = ((site >= 0) & (site < self.sites)).all(axis=1)
+        bits = np.zeros(self.sites, dtype=np.uint16)
+        which = (1 << bar[inside]).astype(np.uint16)
+        np.bitwise_or.at(bits, tuple(site[inside].T), which)
+        return bits
 
     def bars_crossing(
         self,

@@ -5,7 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taichi_ldem.storage.fields import FieldWriter, hexahedral_mesh
+from taichi_ldem.scenarios.fragment_output import FragmentOutput
+from taichi_ldem.scenarios.module_fields import ModuleFields
+from taichi_ldem.storage.fields import FieldWriter, hexahedral_mesh, read_times, widths
 from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.storage.provenance import provenance
 
@@ -22,6 +24,9 @@ class FieldOutput:
 
     Args:
         resumed: a checkpoint of an earlier process, whose file is continued.
+
+    Attributes:
+        bytes_per_frame: uncompressed size of the fields at one time, bytes.
     """
 
     def __init__(
@@ -45,12 +50,18 @@ class FieldOutput:
                 self._drop_due(resumed.history[-1]["time_s"])
         origin = {key: _text(value) for key, value in provenance(scene).items()}
         old = None if resumed is None else self.written
-        self.writer = FieldWriter(folder.fields_file, points, cells, old, origin, lattice.cell)
-
-    @property
-    def bytes_per_frame(self) -> int:
-        """Uncompressed size of the fields at one time, bytes."""
-        return 4 * (6 * len(self.at[0]) + int(self.module.sum()))
+        names = [*scene.output.fields, *(["fragment"] if scene.output.fragments else [])]
+        self.writer = FieldWriter(
+            folder.fields_file, points, cells, old, origin, lattice.cell, names
+        )
+        self.bytes_per_frame = 4 * (6 * len(self.at[0]) + len(cells) * (1 + widths(names)))
+        self.quantities = ModuleFields(simulation, scene.output.fields, points, cells)
+        self.fragments: FragmentOutput | None = None
+        if scene.output.fragments:
+            until = None
+            if self.written[0]:
+                until = float(read_times(folder.fields_file)[self.written[0] - 1])
+            self.fragments = FragmentOutput(folder.fragments_file, simulation, until)
 
     def take(self, sample: "Sample") -> None:
         """Write the fields that are due at a sample, whose step has been completed."""
@@ -77,16 +88,24 @@ class FieldOutput:
             self.written = (self.written[0], self.written[1] + len(bars))
             self.pending = []
 
+    def summary(self) -> dict[str, float | int]:
+        """Numbers of a finished run."""
+        return {} if self.fragments is None else self.fragments.summary()
+
     def write(self, at: float) -> None:
         """Write the fields of the last sampled step as those at a time, s."""
         self.flush()
         s = self.simulation
-        displacement = s.displacement_before()[0][self.at]
+        moved = s.displacement_before()
+        displacement = moved[0][self.at]
         velocity = s.dynamics.get_velocity()[0][self.at]
         fraction = np.zeros(int(self.module.sum()))
         if self.damage:
             fraction = s.broken_fraction()[self.module]
-        self.writer.append(at, displacement, velocity, fraction)
+        quantities: dict[str, Any] = self.quantities.at_sample(moved, displacement)
+        if self.fragments is not None:
+            quantities["fragment"] = self.fragments.write(at, moved)
+        self.writer.append(at, displacement, velocity, fraction, quantities)
         self.written = (self.written[0] + 1, self.written[1])
 
 

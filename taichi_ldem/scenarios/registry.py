@@ -95,6 +95,7 @@ _ENTRIES = (
             "crack_map",
             "cracks",
             "crack_growth",
+            "fragments",
         ),
         numbers=(
             "damage_onset_time_s",
@@ -121,14 +122,14 @@ _ENTRIES = (
         "Pull a specimen apart",
         "Tension test",
         "taichi_ldem.scenarios.tension",
-        figures=("energy", "stress_strain", "crack_map"),
+        figures=("energy", "stress_strain", "crack_map", "fragments"),
     ),
     Scenario(
         "bend",
         "Run a notched three-point bending test, or a series of them",
         "Three-point bending",
         "taichi_ldem.scenarios.bend",
-        figures=("force", "force_displacement", "velocity", "energy", "crack_map"),
+        figures=("force", "force_displacement", "velocity", "energy", "crack_map", "fragments"),
         options=(
             Option(
                 "series",

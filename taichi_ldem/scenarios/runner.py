@@ -418,6 +418,7 @@ def _write_summary(recorder: Recorder, summary: Summary, seconds: float, compile
         for line in body.warnings(scene, history):
             print(f"warning: {line}", file=sys.stderr)
     numbers = summary(recorder.simulation, history, recorder.folder)
+    numbers |= recorder.fields.summary()
     numbers |= cost(recorder.simulation, history, seconds, compiled)
     recorder.folder.write_summary(numbers | {"provenance": provenance(scene)})
 

@@ -8,6 +8,7 @@ from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
 from taichi_ldem.scene.schema import (
+    holds_names,
     is_list,
     length_of,
     limits_of,
@@ -152,7 +153,8 @@ def _elements(location: Location, schema: type[BaseModel]) -> str:
         if location[-1] in (name, field.alias):
             if table_of(field) is not None:
                 return "tables"
-            return "numbers" if is_list(field) else f"{length_of(field)} numbers"
+            kind = "names" if holds_names(field) else "numbers"
+            return kind if is_list(field) else f"{length_of(field)} {kind}"
     return "numbers"
 
 

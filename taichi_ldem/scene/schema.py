@@ -33,6 +33,11 @@ def is_list(field: FieldInfo) -> bool:
     return any(Ellipsis in typing.get_args(kind) for kind in _flat(field.annotation))
 
 
+def holds_names(field: FieldInfo) -> bool:
+    """Whether a field's list holds words of a fixed choice."""
+    return any(typing.get_origin(kind) is typing.Literal for kind in _flat(field.annotation))
+
+
 def length_of(field: FieldInfo) -> int | None:
     """Number of elements that a field's list must have; None where any will do."""
     for kind in _flat(field.annotation):

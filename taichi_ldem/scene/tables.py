@@ -31,6 +31,9 @@ DISORDERED = ("fracture_energy", "youngs_modulus", "density", "strength")
 """Properties that may vary, in the order of their random streams: never reorder."""
 
 
+Quantity = Literal["strain", "stress", "principal_stress", "damage"]
+"""What fields.vtkhdf can hold of every module."""
+
 LawName = Annotated[str, BeforeValidator(OneOf(LAW_NAMES))]
 
 
@@ -284,6 +287,16 @@ class Output(Table):
     )
     image_times: tuple[NonNegative, ...] = Field(
         default=(), description="times of the snapshots, s"
+    )
+    fields: tuple[Quantity, ...] = Field(
+        default=(),
+        description="quantities of the modules that fields.vtkhdf holds in addition to"
+        " displacement, velocity and broken_fraction; principal_stress is the largest",
+    )
+    fragments: Flag = Field(
+        default=False,
+        description="whether the pieces of the plate are counted whenever fields are stored:"
+        " fragments.csv, and the piece of each module in fields.vtkhdf",
     )
     smoothing_window: Positive | None = Field(
         default=None,

@@ -258,6 +258,12 @@ class State:
             for field, part in zip(fields, values, strict=True):
                 self._fill(field, part)
 
+    def of_modules(self, field: ti.MatrixField) -> npt.NDArray[np.float64]:
+        """(modules,) values of a field that has one at the site of each module."""
+        nz, ny, nx = self.lattice.mask.shape
+        values = self.lanes.gather(field.to_numpy())[1 : 1 + nz, 1 : 1 + ny, 1 : 1 + nx]
+        return np.asarray(values[self.lattice.mask], dtype=np.float64)
+
     def masses(self) -> npt.NDArray[np.float64]:
         """(sublattices, *S) masses of all nodes, kg; 0 where there is none."""
         if self.features.density:

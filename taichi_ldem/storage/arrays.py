@@ -42,6 +42,14 @@ class Arrays:
             raise ValueError(f"{name} is a link")
         return parent[last]
 
+    def has(self, name: str) -> bool:
+        """Whether a group or a dataset is there."""
+        try:
+            self.item(name)
+        except ValueError:
+            return False
+        return True
+
     def take(
         self,
         name: str,

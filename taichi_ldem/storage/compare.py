@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_ldem.storage.fields import read_broken_bars, read_fields, read_times
+from taichi_ldem.storage.fields import read_broken_bars, read_fields, read_quantities, read_times
 from taichi_ldem.storage.folder import RunFolder
 
 
@@ -15,10 +15,16 @@ def differences(run: Path, other: Path) -> list[str]:
     one, two = RunFolder.open(run), RunFolder.open(other)
     if one.history_file.read_bytes() != two.history_file.read_bytes():
         found.append("history.csv")
+    pieces = [f.fragments_file.read_bytes() for f in (one, two) if f.fragments_file.exists()]
+    if len(pieces) == 1 or pieces[:1] != pieces[1:]:
+        found.append("fragments.csv")
     if not np.array_equal(read_times(one.fields_file), read_times(two.fields_file)):
         return [*found, "times of the fields"]
     for step in range(len(read_times(one.fields_file))):
-        mine, theirs = (read_fields(folder.fields_file, step) for folder in (one, two))
+        mine, theirs = (
+            read_fields(folder.fields_file, step, read_quantities(folder.fields_file))
+            for folder in (one, two)
+        )
         found += _unequal(mine, theirs, f"fields, step {step}")
     bars = [read_broken_bars(folder.fields_file) for folder in (one, two)]
     found += _unequal(bars[0], bars[1], "broken bars")
@@ -36,8 +42,11 @@ def differences(run: Path, other: Path) -> list[str]:
 
 
 def _unequal(mine: Any, theirs: Any, what: str) -> list[str]:
+    one, two = (dict(vars(both)) for both in (mine, theirs))
+    for values in (one, two):
+        values.update(values.pop("quantities", {}))
     return [
         f"{what}: {name}"
-        for name, value in vars(mine).items()
-        if not np.array_equal(value, getattr(theirs, name))
+        for name in sorted(one.keys() | two.keys())
+        if not np.array_equal(one.get(name, np.nan), two.get(name, np.nan))
     ]

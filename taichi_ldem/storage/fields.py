@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from dataclasses import field as part
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import h5py
@@ -15,19 +17,48 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from taichi_ldem.errors import SceneError
-from taichi_ldem.model.cell import MODULE, UnitCell
+from taichi_ldem.model.cell import HEXAHEDRON, MODULE, UnitCell
 from taichi_ldem.storage.arrays import Arrays, reading
 from taichi_ldem.storage.durable import created, patched
 
 FloatArray = NDArray[np.floating[Any]]
 IntArray = NDArray[np.integer[Any]]
 
-# The eight corners of a module as (dx, dy, dz), in VTK_HEXAHEDRON's order.
-_CORNERS = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1))
 _VTK_HEXAHEDRON = 12
 _PACKED: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 
 _FIELDS = ("PointData/displacement_m", "PointData/velocity_m_s", "CellData/broken_fraction")
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What a file may hold of every module: its name there, and components and kind of a value."""
+
+    name: str
+    width: tuple[int, ...] = ()
+    kind: type = np.float32
+
+    @property
+    def dataset(self) -> str:
+        """Its place in the group /VTKHDF."""
+        return f"CellData/{self.name}"
+
+
+QUANTITIES = {
+    # VTK's order of a symmetric tensor: xx, yy, zz, xy, yz, xz
+    "strain": Quantity("strain", (6,)),
+    "stress": Quantity("stress_pa", (6,)),
+    "principal_stress": Quantity("principal_stress_pa"),
+    "damage": Quantity("damage"),
+    "fragment": Quantity("fragment", kind=np.int32),
+}
+"""Quantities that a file holds where a scene asks for them, by the name that the scene gives."""
+
+
+def widths(names: Sequence[str]) -> int:
+    """Numbers of a module in all of some quantities."""
+    return sum(int(np.prod(QUANTITIES[name].width, dtype=np.int64)) for name in names)
+
 
 FARTHEST = 1e20
 """Largest coordinate of a broken bar, m; sides of plates are smaller."""
@@ -47,10 +78,10 @@ def hexahedral_mesh(
     """
     nz, ny, nx = mask.shape
     used = np.zeros((nz + 1, ny + 1, nx + 1), dtype=bool)
-    for dx, dy, dz in _CORNERS:
+    for dx, dy, dz in HEXAHEDRON:
         used[dz : nz + dz, dy : ny + dy, dx : nx + dx] |= mask
     number = np.cumsum(used.ravel(), dtype=np.int64).reshape(used.shape) - 1
-    corners = [number[dz : nz + dz, dy : ny + dy, dx : nx + dx][mask] for dx, dy, dz in _CORNERS]
+    corners = [number[dz : nz + dz, dy : ny + dy, dx : nx + dx][mask] for dx, dy, dz in HEXAHEDRON]
     sites = np.argwhere(used)
     points = np.asarray(origin, dtype=np.float64) + spacing * sites[:, ::-1]
     return points, np.stack(corners, axis=1), sites
@@ -73,8 +104,11 @@ class FieldWriter:
         written: tuple[int, int] | None = None,
         attributes: Mapping[str, str] | None = None,
         cell: UnitCell = MODULE,
+        quantities: Sequence[str] = (),
     ) -> None:
         """points: (P, 3) reference positions [m]; hexahedra: (C, 8) point numbers, VTK's order.
+
+        quantities: names in QUANTITIES of what is stored in addition.
 
         attributes: of the file, by name; readers of VTKHDF pass over them.
         cell: whose bars the broken bars are.
@@ -83,6 +117,7 @@ class FieldWriter:
         """
         self._path, self._numbering = Path(path), cell.numbering
         self._points, self._cells = len(points), len(hexahedra)
+        self._more = {name: QUANTITIES[name] for name in quantities}
         if written is None:
             self._create(points, hexahedra, attributes or {})
         else:
@@ -96,6 +131,8 @@ class FieldWriter:
                 enough &= len(file.item(f"BrokenBars/{name}")) >= broken
             for field, rows in zip(_FIELDS, (self._points, self._points, self._cells), strict=True):
                 enough &= len(file.item(f"VTKHDF/{field}")) >= steps * rows
+            for more in self._more.values():
+                enough &= len(file.item(f"VTKHDF/{more.dataset}")) >= steps * self._cells
         if not enough:
             raise SceneError(
                 f"'{self._path}' holds fewer fields or broken bars than the checkpoint records"
@@ -116,6 +153,9 @@ class FieldWriter:
             shapes = ((self._points, 3), (self._points, 3), (self._cells,))
             for field, shape in zip(_FIELDS, shapes, strict=True):
                 _growing(root, field, shape, np.float32, packed=True)
+            for more in self._more.values():
+                _growing(root, more.dataset, (self._cells, *more.width), more.kind, packed=True)
+                _growing(root["Steps"], _offsets_of(more.dataset), (256,), np.int64)
             broken = file.create_group("BrokenBars")
             broken.attrs["about"] = "bars that failed, in order of writing; reference positions"
             _growing(broken, "time_s", (16384,), np.float64)
@@ -128,24 +168,25 @@ class FieldWriter:
         displacement: FloatArray,
         velocity: FloatArray,
         broken_fraction: FloatArray,
+        quantities: Mapping[str, NDArray[Any]] = MappingProxyType({}),
     ) -> None:
         """Add the fields at one time, stored in single precision.
 
         displacement, velocity: (P, 3) [m], [m/s]; broken_fraction: (C,), share of a module's bars
-        that have failed.  Raises ValueError on another shape.
+        that have failed; quantities: (C, ...) those that the file was made for.  Raises ValueError
+        on another shape, KeyError where one is missing.
         """
-        for name, array, shape in (
-            ("displacement", displacement, (self._points, 3)),
-            ("velocity", velocity, (self._points, 3)),
-            ("broken_fraction", broken_fraction, (self._cells,)),
-        ):
+        named = {more.dataset: quantities[name] for name, more in self._more.items()}
+        arrays = dict(zip(_FIELDS, (displacement, velocity, broken_fraction), strict=True)) | named
+        shapes = [(self._points, 3), (self._points, 3), (self._cells,)]
+        shapes += [(self._cells, *more.width) for more in self._more.values()]
+        for (name, array), shape in zip(arrays.items(), shapes, strict=True):
             if array.shape != shape:
                 raise ValueError(f"{name} has shape {array.shape}, the mesh needs {shape}")
         with patched(self._path) as file:
             root, steps = file["VTKHDF"], file["VTKHDF/Steps"]
             step = int(steps.attrs["NSteps"])
-            arrays = (displacement, velocity, broken_fraction)
-            for field, array in zip(_FIELDS, arrays, strict=True):
+            for field, array in arrays.items():
                 # By step, not by length: what an interrupted append left behind is overwritten.
                 _put(root[field], step * len(array), array)
                 _put(steps[_offsets_of(field)], step, [step * len(array)])
@@ -259,7 +300,8 @@ class Fields:
     """The fields of one step.
 
     points (P, 3) [m] in the reference configuration, hexahedra (C, 8), displacement (P, 3) [m],
-    velocity (P, 3) [m/s], broken_fraction (C,), time [s] of this step, times (S,) [s] of all.
+    velocity (P, 3) [m/s], broken_fraction (C,), time [s] of this step, times (S,) [s] of all;
+    quantities (C, ...) by their names in QUANTITIES, those that were asked for.
     """
 
     points: NDArray[np.float64]
@@ -269,6 +311,7 @@ class Fields:
     broken_fraction: NDArray[np.float32]
     time: float
     times: NDArray[np.float64]
+    quantities: Mapping[str, NDArray[Any]] = part(default_factory=dict)
 
     @property
     def fault(self) -> str:
@@ -305,11 +348,21 @@ def read_times(path: Path) -> NDArray[np.float64]:
         return _times(file)
 
 
-def read_fields(path: Path, step: int = -1) -> Fields:
+def read_quantities(path: Path) -> list[str]:
+    """Names in QUANTITIES of what a file holds.  Raises DamagedFile if it is unreadable."""
+    with reading(path) as file:
+        return [name for name, q in QUANTITIES.items() if file.has(f"VTKHDF/{q.dataset}")]
+
+
+def read_fields(path: Path, step: int = -1, quantities: Sequence[str] = ()) -> Fields:
     """The fields of one step; a negative step counts from the end.
 
-    Raises DamagedFile if the file is unreadable, SceneError if it has no such step.
+    quantities: names in QUANTITIES of what is read in addition.
+    Raises DamagedFile if the file is unreadable, SceneError if it has no such step or quantity.
     """
+    if missing := [name for name in quantities if name not in read_quantities(path)]:
+        why = "its scene did not ask for it (output.fields, output.fragments)"
+        raise SceneError(f"'{path}' holds no {missing[0]}: {why}")
     with reading(path) as file:
         times = _times(file)
         if not -len(times) <= step < len(times):
@@ -322,10 +375,10 @@ def read_fields(path: Path, step: int = -1) -> Fields:
         if flat.min() < 0 or flat.max() >= len(points) or not np.isfinite(points).all():
             raise ValueError("VTKHDF/Connectivity and Points do not fit")
 
-        def rows(field: str, count: int, width: tuple[int, ...]) -> Any:
+        def rows(field: str, count: int, width: tuple[int, ...], kinds: str = "f") -> Any:
             offsets = file.take(f"VTKHDF/Steps/{_offsets_of(field)}", (), kinds="iu")
             start = int(offsets[step]) if step < len(offsets) else -1
-            return file.take(f"VTKHDF/{field}", width, start=start, count=count)
+            return file.take(f"VTKHDF/{field}", width, kinds=kinds, start=start, count=count)
 
         return Fields(
             points=points,
@@ -335,6 +388,11 @@ def read_fields(path: Path, step: int = -1) -> Fields:
             broken_fraction=rows("CellData/broken_fraction", len(flat) // 8, ()),
             time=float(times[step]),
             times=times,
+            quantities={
+                name: rows(q.dataset, len(flat) // 8, q.width, np.dtype(q.kind).kind)
+                for name, q in QUANTITIES.items()
+                if name in quantities
+            },
         )
 
 

@@ -33,6 +33,7 @@ OF_EVERY_RUN = (
     "scene.toml",
     "history.csv",
     "fields.vtkhdf",
+    "fragments.csv",
     "summary.json",
     LATEST,
     PREVIOUS,
@@ -184,6 +185,11 @@ class RunFolder:
     def fields_file(self) -> Path:
         """Fields and broken bars, VTKHDF."""
         return self.path / "fields.vtkhdf"
+
+    @property
+    def fragments_file(self) -> Path:
+        """The pieces of the plate over time; there only where the scene asks for them."""
+        return self.path / "fragments.csv"
 
     @property
     def summary_file(self) -> Path:

@@ -6,18 +6,27 @@ import subprocess
 import time
 from pathlib import Path
 from types import SimpleNamespace
+from typing import get_args
 
 import numpy as np
 import pytest
 from support.command import COMMAND, SCENE, WITHOUT_VULKAN, ldem
 
+from taichi_ldem.analysis.fragments import labels_of, of_modules
+from taichi_ldem.analysis.strain import green_strain, mean_gradient
+from taichi_ldem.analysis.stress import as_components, as_matrices
+from taichi_ldem.model.cell import CELLS
+from taichi_ldem.model.material import bars_of
 from taichi_ldem.scenarios import runner
 from taichi_ldem.scenarios.measure import measure_run
 from taichi_ldem.scenarios.progress import newtons
+from taichi_ldem.scene.tables import Quantity
 from taichi_ldem.solver.backend import vulkan_device
 from taichi_ldem.solver.contact import observables
-from taichi_ldem.storage.fields import read_broken_bars, read_fields
+from taichi_ldem.storage import checkpoint
+from taichi_ldem.storage.fields import read_broken_bars, read_fields, read_times
 from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.storage.fragments import read_fragments
 
 
 @pytest.fixture(scope="module")
@@ -29,9 +38,11 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def single(scene: Path) -> RunFolder:
-    """The same run in single precision."""
+    """The same run in single precision, with all that fields can hold."""
     out = scene.parent / "single"
-    done = ldem("impact", str(scene), "--out", str(out), "--precision", "f32", "--quiet")
+    more = [f"output.fields={list(get_args(Quantity))}".replace("'", '"'), "output.fragments=true"]
+    settings = [word for text in more for word in ("--set", text)]
+    done = ldem("impact", str(scene), "--out", str(out), "--precision", "f32", "--quiet", *settings)
     assert done.returncode == 0, done.stderr
     return RunFolder.open(out)
 
@@ -97,6 +108,75 @@ def test_fields_agree_with_the_history(finished: RunFolder) -> None:
     assert sunk >= 0.9 * history["striker_displacement_m"][-1]
     inside = np.abs(broken.position_m) <= np.array([0.0048, 0.0048, 0.0016]) + 1e-12
     assert inside.all()
+
+
+def test_pieces_in_the_fields_and_in_the_table_are_those_of_the_broken_bars(
+    taichi: None, single: RunFolder
+) -> None:
+    from taichi_ldem.scenarios.fragment_output import fragments_of
+
+    times, table = read_times(single.fields_file), read_fragments(single.fragments_file)
+    np.testing.assert_array_equal(np.unique(table["time_s"]), times)
+    for step, at in enumerate(times):
+        stored = read_fields(single.fields_file, step, ["fragment"]).quantities["fragment"]
+        np.testing.assert_array_equal(stored, fragments_of(single, at))
+        now = table["time_s"] == at
+        assert set(stored) <= set(table["fragment"][now])
+        assert table["mass_kg"][now].sum() == pytest.approx(1190 * 0.0096**2 * 0.0016, rel=1e-6)
+    summary, debris = single.read_summary(), table["fragment"][now] == 0
+    assert summary["fragments"] == (~debris).sum() > 1
+    share = table["mass_kg"][now][debris].sum() / table["mass_kg"][now].sum()
+    assert share > 0
+    assert summary["debris_mass_share"] == pytest.approx(share)
+    assert (single.path / "fragments.png").stat().st_size > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lattice", CELLS)
+def test_bars_that_failed_at_crack_tips_or_carry_compression_again_join_nothing(
+    taichi: None, scene: Path, lattice: str
+) -> None:
+    """The pieces are those of the peak strains in the last checkpoint, negative at crack tips."""
+    from taichi_ldem.solver.build import build_lattice
+
+    out = scene.parent / lattice
+    keys = ["material.fracture=crack", "material.after_failure=closing", "output.fragments=true"]
+    words = [word for key in (*keys, f"plate.lattice={lattice}") for word in ("--set", key)]
+    done = ldem("impact", str(scene), "--out", str(out), "--quiet", *words)
+    assert done.returncode == 0, done.stderr
+    run = RunFolder.open(out)
+    plate = build_lattice(run.read_scene())
+    peak = checkpoint.decode((out / checkpoint.LATEST).read_bytes()).state["dynamics/peak"]
+    limits = [family.ductility for family in bars_of(run.read_scene())]
+    limit = np.array([limits[family] for family in plate.cell.family])[:, None, None, None]
+    failed = np.moveaxis(plate.bar_exists(), -1, 0) & ((peak < 0) | (peak >= limit * (1 - 1e-9)))
+    assert failed.sum() == run.read_summary()["broken_bars"]
+    assert (peak < 0).any()
+    bits = (failed.astype(np.uint16) << np.arange(len(peak))[:, None, None, None]).sum(axis=0)
+    stored = read_fields(run.fields_file, -1, ["fragment"]).quantities["fragment"]
+    np.testing.assert_array_equal(stored, of_modules(plate, labels_of(plate, bits)))
+
+
+def test_strain_and_stress_of_modules_are_in_the_fields(single: RunFolder) -> None:
+    first, last = (read_fields(single.fields_file, step, get_args(Quantity)) for step in (0, -1))
+    for name, values in first.quantities.items():
+        assert np.abs(values).max() < (1e-6 * 3.35e9 if "stress" in name else 1e-6), name
+    gradient = mean_gradient(last.points, last.hexahedra, last.displacement)
+    strain = as_components(green_strain(gradient))
+    np.testing.assert_allclose(last.quantities["strain"], strain, rtol=1e-5, atol=1e-6)
+    stress, damage = last.quantities["stress"], last.quantities["damage"]
+    largest = np.linalg.eigvalsh(as_matrices(stress))[:, 2]
+    found = last.quantities["principal_stress"]
+    np.testing.assert_allclose(found, largest, rtol=1e-4, atol=1e-4 * np.abs(stress).max())
+    assert (damage[last.broken_fraction > 0] > 0).all()
+    assert ((damage >= 0) & (damage <= 1)).all()
+    # Hooke's law holds, on the whole, inside of the plate, where no bar has softened
+    place = last.points[last.hexahedra].mean(axis=1)
+    inside = (damage == 0) & (np.abs(place[:, 2] - 0.0008) < 0.0004)
+    wanted = 3.35e9 / 2.5 * (strain[:, :3].sum(axis=1, keepdims=True) + 2 * strain[:, :3])
+    apart = np.corrcoef(stress[inside, :3].ravel(), wanted[inside].ravel())[0, 1]
+    assert inside.sum() > 20
+    assert apart > 0.9
 
 
 @pytest.mark.slow

@@ -115,7 +115,8 @@ def test_a_restored_state_goes_on_bitwise(precision: str, damping: str, clamp: s
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("scene") / "small.toml"
-    file.write_text(SCENE + "field_interval = 1e-5\ncheckpoint_interval = 1e-3\n")
+    more = 'fields = ["strain"]\nfragments = true\n'
+    file.write_text(SCENE + "field_interval = 1e-5\ncheckpoint_interval = 1e-3\n" + more)
     return file
 
 

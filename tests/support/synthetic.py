@@ -9,6 +9,8 @@ import numpy as np
 
 from taichi_ldem.storage.fields import FieldWriter, hexahedral_mesh
 from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.storage.fragments import COLUMNS as COLUMNS_OF_FRAGMENTS
+from taichi_ldem.storage.fragments import FragmentWriter
 from taichi_ldem.storage.history import HistoryWriter
 
 SCENE = """
@@ -89,6 +91,21 @@ def synthetic_run(path: Path, *, layers: int = 2, cracked: bool = True) -> RunFo
             }
         )
     return folder
+
+
+def add_fragments(folder: RunFolder) -> None:
+    """At the end: debris with 1 % of the mass, two pieces of 2 mm with 9 %, one with 90 %."""
+    folder.write_scene(
+        folder.scene_file.read_text() + "fragments = true\n"
+    )  # in [output], the last
+    writer = FragmentWriter(folder.fragments_file)
+    for time, numbers, masses, sizes in (
+        (0.0, [1], [1.0], [0.03]),
+        (1e-2, [0, 1, 2, 3], [0.01, 0.90, 0.06, 0.03], [1e-3, 0.028, 2e-3, 2e-3]),
+    ):
+        values = {name: np.zeros(len(numbers)) for name in COLUMNS_OF_FRAGMENTS}
+        known = {"fragment": numbers, "mass_kg": masses, "equivalent_diameter_m": sizes}
+        writer.append(time, values | {name: np.array(v) for name, v in known.items()})
 
 
 def _displacement(points: np.ndarray, depth: float) -> np.ndarray:

@@ -47,6 +47,7 @@ except ValueError as error:
     print("== other precision:", error)
 third = Simulation(elastic)
 print("== afresh:", repr(first), repr(third), third.broken_bars.bar.size, third.history.keys())
+print("== pieces:", third.fragments.number.tolist(), third.fragments.nodes.tolist())
 third.close()
 third.close()
 """
@@ -295,6 +296,7 @@ def test_what_a_second_simulation_does(printed: dict[str, str]) -> None:
     assert "must be those of the simulation that stays open" in printed["other precision"]
     assert "<Simulation of impact, closed>" in printed["afresh"]
     assert "35 nodes" in printed["afresh"]  # 27 corners, 8 centres
+    assert printed["pieces"].endswith("[1] [35]")
     assert "'time_s', 'kinetic_plate_j', 'strain_j', 'energy_error'" in printed["afresh"]
 
 

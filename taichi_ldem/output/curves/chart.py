@@ -122,9 +122,10 @@ class Panel:
         title: what the panel shows.
         x, y: labels of the axes, with units.
         x_range, y_range: limits; None: as the elements need.
-        log: whether the y axis is logarithmic.
+        log, log_x: whether the y axis, the x axis is logarithmic.
         height: relative to the other panels of the figure.
         note: stands above the panel. remark: stands below it, smaller.
+        in_time: whether x is the time, so that the time of a reader's choice is an upright line.
         path: (x, y) at every row of the history, along which a reader can follow the run.
     """
 
@@ -136,9 +137,11 @@ class Panel:
     x_range: tuple[float, float] | None = None
     y_range: tuple[float | None, float | None] | None = None
     log: bool = False
+    log_x: bool = False
     height: float = 1.0
     note: str = ""
     remark: str = ""
+    in_time: bool = True
     path: tuple[Series, Series] | None = None
 
     @property

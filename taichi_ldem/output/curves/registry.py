@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from taichi_ldem.output.curves import energies, forces, tension
+from taichi_ldem.output.curves import energies, forces, fragments, tension
 from taichi_ldem.output.curves.chart import Panel
 from taichi_ldem.output.loaded import LoadedRun
 
@@ -51,6 +51,10 @@ def _has_cracks(run: LoadedRun) -> bool:
     return run.cracks is not None
 
 
+def _has_fragments(run: LoadedRun) -> bool:
+    return run.scene.output.fragments and run.folder.fragments_file.exists()
+
+
 def _has_growth(run: LoadedRun) -> bool:
     return run.rows > 1 and run.cracks is not None
 
@@ -76,6 +80,7 @@ FIGURES: dict[str, Figure] = {
         (15.0, 9.7),
     ),
     "crack_growth": Figure("Growth of the cracks", _has_growth, (9.0, 8.0)),
+    "fragments": Figure("Sizes of the pieces", _has_fragments, (9.0, 9.0), fragments.fragments),
     "pulse": Figure("Snapshots of the pulse", _has_pulse, (9.0, 9.0)),
     "dispersion": Figure("Phase speed over wavelength", _has_pulse, (9.0, 7.0)),
     "anisotropy": Figure("Phase speed over direction", _has_pulse, (12.0, 9.0)),

@@ -93,6 +93,10 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
     axes.set_ylabel(panel.y)
     if panel.log:
         axes.set_yscale("log")
+    if panel.log_x:
+        axes.set_xscale("log")
+        axes.xaxis.set_major_formatter(_plain)
+        axes.xaxis.set_minor_formatter(_plain)
     draw_elements(axes, panel.visible)
     if panel.y_range is not None:
         axes.set_ylim(*panel.y_range)
@@ -105,6 +109,12 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
     for element in panel.visible:
         if isinstance(element, Times) and element.named:
             name_times(axes, element)
+
+
+def _plain(value: float, _: object) -> str:
+    """A mark of a logarithmic axis, without a power of ten: 0.5, 1, 2, 5, 10, and no other ones."""
+    leading = value / 10 ** math.floor(math.log10(value))
+    return f"{value:g}" if round(leading, 6) in (1, 2, 5) else ""
 
 
 def draw_elements(axes: Axes, elements: Sequence[Element]) -> None:

@@ -88,6 +88,8 @@ def _colour_key(figure: Figure, scale: Scale) -> None:
 
     axes = figure.add_axes((0.30, 0.055, 0.40, 0.018))
     colours = ScalarMappable(scale.norm, scale.colours)
-    bar = figure.colorbar(colours, cax=axes, orientation="horizontal", format="{x:g}")
+    bar = figure.colorbar(
+        colours, cax=axes, orientation="horizontal", format="{x:g}", ticks=scale.ticks
+    )
     bar.ax.tick_params(labelsize=14)
     bar.set_label(scale.label, fontsize=14)

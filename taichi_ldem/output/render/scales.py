@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_ldem.analysis.strain import green_strain, mean_gradient
 from taichi_ldem.output.render.surfaces import FAILED_SHARE, holding
 from taichi_ldem.scene import Scene
 from taichi_ldem.storage.fields import Fields, read_fields
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.floating[Any]]
 
-Colour = Literal["damage", "velocity", "energy"]
+Colour = Literal["damage", "velocity", "energy", "fragment"]
 """Quantities by which modules can be coloured."""
 
 # Colours over the share of failed bars: whole, damaged, about to fail.
@@ -41,16 +42,7 @@ def strain_energy(fields: Fields, stiffness: tuple[float, float, float]) -> Floa
     Args:
         stiffness: C11, C12, C44, Pa.
     """
-    place = fields.points[fields.hexahedra]
-    displacement = fields.displacement[fields.hexahedra].astype(np.float64)
-    edge = np.linalg.norm(place[0, 1] - place[0, 0])
-    sides = np.sign(
-        place[0] - place[0].mean(axis=0)
-    )  # (8, 3) side of the centre on which a corner lies
-    # mean displacement of a face's four corners minus that of the opposite face
-    gradient = np.einsum("cni,nj->cij", displacement, sides) / (4 * edge)
-    deformation = gradient + np.eye(3)
-    strain = (np.einsum("cki,ckj->cij", deformation, deformation) - np.eye(3)) / 2
+    strain = green_strain(mean_gradient(fields.points, fields.hexahedra, fields.displacement))
     c11, c12, c44 = stiffness
     xx, yy, zz = (strain[:, n, n] for n in range(3))
     shear = strain[:, 0, 1] ** 2 + strain[:, 0, 2] ** 2 + strain[:, 1, 2] ** 2
@@ -65,12 +57,14 @@ class Scale:
 
     Attributes:
         value: (C,) of the modules, from a step's fields. label: of the colour key.
+        ticks: marks of the colour key; None: where Matplotlib puts them.
     """
 
     value: Callable[[Fields], FloatArray]
     colours: Colormap
     norm: Normalize
     label: str
+    ticks: Sequence[float] | None = None
 
     def rgb(self, values: FloatArray) -> FloatArray:
         """(F, 3) colours."""
@@ -92,6 +86,28 @@ def damage_scale() -> Scale:
     )
 
 
+def _fragment_scale(folder: RunFolder) -> Scale:
+    """The piece that a module belongs to: the largest are told apart by colour, debris is grey."""
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap, Normalize
+
+    from taichi_ldem.scenarios.fragment_output import fragments_of
+
+    palette = np.delete(colormaps["tab20"](range(20)), (14, 15), axis=0)  # without its greys
+    count = len(palette)
+    colours = ListedColormap(np.vstack([(0.75, 0.75, 0.75, 1.0), palette]))
+
+    def value(fields: Fields) -> FloatArray:
+        number = fragments_of(folder, fields.time)
+        return np.where(number > 0, (number - 1) % count + 1.0, 0.0)
+
+    note = (
+        f"piece, 1: the largest; colours repeat after {count}; 0: single nodes; "
+        f"missing: {100 * FAILED_SHARE:.0f} % or more of its bars broken"
+    )
+    return Scale(value, colours, Normalize(-0.5, count + 0.5), note, range(0, count + 1, 2))
+
+
 def scale_of(folder: RunFolder, steps: Sequence[int], colour: Colour) -> Scale:
     """The scale of a quantity over some stored steps of a run."""
     from matplotlib import colormaps
@@ -99,6 +115,8 @@ def scale_of(folder: RunFolder, steps: Sequence[int], colour: Colour) -> Scale:
 
     if colour == "damage":
         return damage_scale()
+    if colour == "fragment":
+        return _fragment_scale(folder)
     value = speed if colour == "velocity" else _energy_of(folder.read_scene())
     top = 0.0
     for step in steps:

@@ -41,7 +41,7 @@ class Figure:
     Attributes:
         json: of Plotly.
         marker: how the time of the slider shows: "line" (an upright line at the time), "point" (a
-            point that follows a path), "map" (later events are pale).
+            point that follows a path), "map" (later events are pale), "none" (not at all).
         along: x and y of the path of a point.
         point: number of the trace that is the point.
     """

@@ -66,9 +66,12 @@ def figure(panel: Panel) -> Figure:
         more["yaxis"] = {"range": list(panel.y_range)}
     if panel.log:
         more["yaxis"] = {"type": "log", "exponentformat": "power"}
+    if panel.log_x:
+        more["xaxis"] = {"type": "log"}
     title = _title(panel.title, panel.note)
     if panel.path is None:
-        return Figure(panel.name, plot(title, traces, panel.x, panel.y, more))
+        drawn = plot(title, traces, panel.x, panel.y, more)
+        return Figure(panel.name, drawn, "line" if panel.in_time else "none")
     x, y = panel.path
     traces.append(_point(Point(float(x[0]), float(y[0]), "at the time of the slider", RED)))
     path = [float(f"{v:.6g}") for v in x], [float(f"{v:.6g}") for v in y]

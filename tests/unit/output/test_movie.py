@@ -23,7 +23,7 @@ needs_vulkan = pytest.mark.skipif(
     ("words", "message"),
     [
         (["--view", "left"], "--view left: must be below, above or cut"),
-        (["--colour", "heat"], "--colour heat: must be damage, velocity or energy"),
+        (["--colour", "heat"], "--colour heat: must be damage, velocity, energy or fragment"),
         (["--movie", "--out", "a.avi"], "must end in .mp4 or .gif"),
         (["--movie", "--fps", "0"], "--fps 0.0: must lie between"),
         (["--movie", "--width", "10"], "--width 10: must lie between"),

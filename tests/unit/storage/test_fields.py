@@ -12,11 +12,13 @@ from support.refusals import one_line
 
 from taichi_ldem.errors import DamagedFile, SceneError
 from taichi_ldem.storage.fields import (
+    QUANTITIES,
     FieldWriter,
     fault_of,
     hexahedral_mesh,
     read_broken_bars,
     read_fields,
+    read_quantities,
     read_times,
 )
 
@@ -41,6 +43,54 @@ def test_mesh_has_the_corners_of_existing_modules_only():
     )
     np.testing.assert_allclose(points, sites[:, ::-1], atol=0)
     assert len(np.unique(hexahedra)) == len(points)
+
+
+def test_quantities_of_the_modules_are_read_by_vtk_and_by_name(tmp_path: Path) -> None:
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkIOHDF import vtkHDFReader
+
+    path = tmp_path / "fields.vtkhdf"
+    points, hexahedra, _ = hexahedral_mesh(np.ones((1, 2, 3), dtype=bool), 1e-3, (0.0, 0.0, 0.0))
+    writer = FieldWriter(path, points, hexahedra, quantities=list(QUANTITIES))
+    rng, stored = np.random.default_rng(5), []
+    for time in (0.0, 0.5, 1.0):
+        values = {name: rng.normal(size=(6, *q.width)) for name, q in QUANTITIES.items()}
+        values["fragment"] = rng.integers(0, 1 << 20, 6)
+        stored.append({n: v.astype(QUANTITIES[n].kind) for n, v in values.items()})
+        writer.append(time, np.zeros_like(points), np.zeros_like(points), np.zeros(6), stored[-1])
+    assert read_quantities(path) == list(QUANTITIES)
+    reader = vtkHDFReader()
+    reader.SetFileName(str(path))
+    for step, wanted in enumerate(stored):
+        read = read_fields(path, step, list(QUANTITIES)).quantities
+        reader.UpdateInformation()
+        reader.UpdateTimeStep(0.5 * step)
+        cells = reader.GetOutputDataObject(0).GetCellData()
+        for name, values in wanted.items():
+            np.testing.assert_array_equal(read[name], values)
+            np.testing.assert_array_equal(
+                vtk_to_numpy(cells.GetArray(QUANTITIES[name].name)), values
+            )
+    assert cells.GetArray("stress_pa").GetNumberOfComponents() == 6
+    resumed = FieldWriter(path, points, hexahedra, (2, 0), quantities=list(QUANTITIES))
+    resumed.append(1.0, np.zeros_like(points), np.zeros_like(points), np.zeros(6), stored[0])
+    read = read_fields(path, 2, ["stress"]).quantities["stress"]
+    np.testing.assert_array_equal(read, stored[0]["stress"])
+
+
+def test_a_quantity_that_a_file_has_not_is_refused_by_name(tmp_path: Path) -> None:
+    make_fields(tmp_path / "fields.vtkhdf")
+    with pytest.raises(SceneError) as error:
+        read_fields(tmp_path / "fields.vtkhdf", 0, ["stress"])
+    assert "holds no stress: its scene did not ask for it" in one_line(error)
+
+
+def test_scenes_name_the_quantities_that_files_can_hold() -> None:
+    from typing import get_args
+
+    from taichi_ldem.scene.tables import Quantity
+
+    assert {*get_args(Quantity), "fragment"} == set(QUANTITIES)
 
 
 def make_fields(path: Path, steps: int = 3):

@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 import pytest
 from support.browser import drive, need_browser
-from support.synthetic import FAILURE, synthetic_run
+from support.synthetic import FAILURE, add_fragments, synthetic_run
 
 from taichi_ldem.cli import main
 from taichi_ldem.errors import SceneError
@@ -28,6 +28,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
     run.write_provenance(
         {"scene_sha256": "ab12", "version": "9.8", "command": "ldem impact x.toml"}
     )
+    add_fragments(run)
     return run
 
 
@@ -82,7 +83,8 @@ def test_curves_are_those_of_the_history(page: Path, folder: RunFolder) -> None:
     history, data = folder.read_history(), _data(page)
     np.testing.assert_allclose(data["times"], history["time_s"], rtol=1e-12)
     names = [figure["name"] for figure in data["figures"]]
-    assert names == ["force", "velocity", "energy", "error", "broken", "crack_map"]
+    sizes = ["fragment_mass", "fragment_number"]
+    assert names == ["force", "velocity", "energy", "error", *sizes, "broken", "crack_map"]
     readings = {reading["label"]: reading["values"] for reading in data["readings"]}
     np.testing.assert_allclose(
         readings["striker displacement"], 1e3 * history["striker_displacement_m"], rtol=1e-3
@@ -96,7 +98,9 @@ def test_it_works_in_a_browser(page: Path) -> None:
     script = """
       const slider = document.getElementById("time"), answer = {};
       const look = async () => { await pause(400); return {
-        line: [...document.querySelectorAll(".plot")].filter(p => p.layout.shapes.length)
+        module: document.getElementById("plot-fragment_mass").layout.shapes.map(s => s.x0),
+        line: [...document.querySelectorAll(".plot")]
+          .filter(p => p.layout.shapes.length && p.id !== "plot-fragment_mass")
           .map(p => p.layout.shapes[p.layout.shapes.length - 1].x0),
         shown: [...document.querySelectorAll(".snapshot")]
           .map(s => [...s.querySelectorAll("img")].map(i => i.classList.contains("shown"))),
@@ -137,6 +141,7 @@ def test_it_works_in_a_browser(page: Path) -> None:
         at = answer[name]
         assert at["line"] == pytest.approx([ms] * 5)
         assert at["now"] == f"{ms:.3f} ms"
+        assert at["module"] == pytest.approx([1.6 * (6 / np.pi) ** (1 / 3)])  # not a time
         assert at["shown"] == [[n == picture for n in range(3)]]
         assert at["pale"] == pytest.approx(max(ms / 9.98, 1e-4), abs=2e-4)
     assert answer["failure"]["line"] == pytest.approx([1e3 * FAILURE] * 5)
