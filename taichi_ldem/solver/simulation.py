@@ -16,7 +16,16 @@ from taichi_ldem.solver.build import build_dynamics, refill_dynamics
 from taichi_ldem.solver.contact import BODIES, in_order_of_resolving
 from taichi_ldem.solver.contact.kernels.body import LOSS_AFTER, LOSS_BEFORE, RigidBody
 from taichi_ldem.solver.dynamics import field_bytes
-from taichi_ldem.solver.energy import BROKEN, DAMPED, FRACTURE, KINETIC, STRAIN, EnergySums, Ledger
+from taichi_ldem.solver.energy import (
+    BROKEN,
+    DAMPED,
+    FRACTURE,
+    KINETIC,
+    STRAIN,
+    WORK,
+    EnergySums,
+    Ledger,
+)
 from taichi_ldem.solver.sampling import Sample, Sampler
 
 __all__ = ["STEPS_A_LAUNCH", "STEPS_BETWEEN_LISTS", "Sample", "Simulation"]
@@ -57,7 +66,9 @@ class Simulation:
         self.dynamics, self.drawn = build_dynamics(scene, in_strips)
         one_by_one = self.dynamics.in_strips or scene.solver.arch == "vulkan"
         self.steps_a_launch = 1 if one_by_one else STEPS_A_LAUNCH
+        self.now = 0
         self._read_numbers()
+        self._set_off()
         self.bodies: list[RigidBody] = []
         for declared in in_order_of_resolving():
             body = declared.build(self.dynamics, scene, self.time_step)
@@ -75,6 +86,13 @@ class Simulation:
         self.critical_time_step = stability.critical_time_step(self.dynamics)
         self.time_step, self.sample_every = self._choose_time_step()
         self.steps = round(self.scene.solver.duration / self.time_step)
+
+    def _set_off(self) -> None:
+        """Give the plate its velocity at t = 0, half a step back, where gravity already acts."""
+        plate, exists = self.scene.plate, self.dynamics.lattice.exists()
+        if plate.moves:
+            velocity = exists[..., None] * np.array(plate.velocity or (0.0, 0.0, 0.0))
+            self.start_from(np.zeros_like(velocity), velocity)
 
     def _start_clock(self) -> None:
         self.now, self.step_number = 0, 0
@@ -105,7 +123,9 @@ class Simulation:
                 raise ValueError(f"{body.name}: no other bodies can be added or taken away")
         self.drawn = refill_dynamics(self.dynamics, scene, lattice)
         self.scene = scene
+        self.now = 0
         self._read_numbers()
+        self._set_off()
         for part in self.bodies:
             part.reset(scene, self.time_step)
         self._start_clock()
@@ -158,6 +178,7 @@ class Simulation:
         time_step: float,
         damping: float,
         peak_strain: float,
+        volumetric: float,
         steps: ti.template(),
         measure: ti.template(),
     ):
@@ -165,18 +186,21 @@ class Simulation:
         other = 1 - now
         for n in ti.static(range(steps)):
             if ti.static(n % 2 == 0):
-                self._pass(now, spacing, time_step, damping, peak_strain, measure)
+                self._pass(now, spacing, time_step, damping, peak_strain, volumetric, measure)
             else:
-                self._pass(other, spacing, time_step, damping, peak_strain, measure)
+                self._pass(other, spacing, time_step, damping, peak_strain, volumetric, measure)
 
     @ti.func
-    def _pass(self, now, spacing, time_step, damping, peak_strain, measure: ti.template()):
+    def _pass(
+        self, now, spacing, time_step, damping, peak_strain, volumetric, measure: ti.template()
+    ):
         numbers = ti.Struct(
             spacing=spacing,
             kick=time_step,
             drift=time_step,
             damping=damping,
             peak_strain=peak_strain,
+            volumetric=volumetric,
         )
         self.dynamics.whole_passes(now, numbers, measure)
         self._resolve(now, spacing, time_step, damping)
@@ -185,9 +209,8 @@ class Simulation:
         """Take steps from ``now``; on the CPU one."""
         dynamics, spacing = self.dynamics, self.spacing
         if not dynamics.in_strips:
-            self._launch(
-                self.now, spacing, time_step, self.damping, self.peak_strain, steps, measure
-            )
+            numbers = (spacing, time_step, self.damping, self.peak_strain, dynamics.volumetric)
+            self._launch(self.now, *numbers, steps, measure)
             return
         dynamics.step(self.now, time_step, time_step, self.damping, measure)
         if self.bodies:
@@ -248,7 +271,7 @@ class Simulation:
             float(total[FRACTURE]),
             float(total[DAMPED]),
             sum(energies.contact for energies in own),
-            sum((energies.external for energies in own), 0.0),
+            sum((energies.external for energies in own), 0.0) + sum(total[WORK:].tolist()),
         )
         if self.initial_ledger is None:
             self.initial_ledger = ledger
