@@ -74,6 +74,10 @@ class Simulation:
             body = declared.build(self.dynamics, scene, self.time_step)
             if body is not None:
                 self.bodies.append(body)
+        self.shared = len(self.bodies) > 1 and any(body.meets_others for body in self.bodies)
+        for part in self.bodies:
+            if self.shared and part.meets_others:
+                part.share_nodes()
         self.energies = EnergySums(self.dynamics)
         self.sampler = Sampler(self.bodies, self.energies)
         self._start_clock()
@@ -164,7 +168,12 @@ class Simulation:
     @ti.func
     def _resolve(self, now, spacing, time_step, damping):
         for n in ti.static(range(len(self.bodies))):
+            self.bodies[n].begin()
+        for n in ti.static(range(len(self.bodies))):
             self.bodies[n].resolve(now, spacing, time_step, damping)
+        if ti.static(self.shared):
+            for n in ti.static(range(len(self.bodies))):
+                self.bodies[n].record()
 
     @ti.kernel
     def _contact(self, now: int, spacing: float, time_step: float, damping: float):

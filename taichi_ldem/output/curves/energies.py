@@ -61,15 +61,23 @@ def energy(run: LoadedRun) -> tuple[Panel, ...]:
 
 
 def _given(run: LoadedRun) -> Iterator[Curve]:
-    """The energy that the plate was given: by the striker, gravity or the grips."""
+    """The energy that the plate had or was given: by the striker, gravity or the grips."""
     history, external = run.history, run.history.get("external_j")
     if "kinetic_striker_j" in history:
         kinetic = history["kinetic_striker_j"]
         label = "given up by the striker" if external is None else "striker and gravity"
         work = 0.0 if external is None else external
         yield Curve(run.time_ms, kinetic[0] - kinetic + work, label, GREY, dash="dash")
-    elif external is not None:
-        yield Curve(run.time_ms, external, "work of the grips", GREY, dash="dash")
+        return
+    plate = run.scene.plate
+    start = history["kinetic_plate_j"][0] if plate.moves else 0.0
+    if external is not None or start:
+        by = "work of the grips" if run.scene.grips is not None else "work of gravity"
+        label = (
+            by if not start else "at the start" + (f", and {by}" if external is not None else "")
+        )
+        given = np.full(run.rows, start) + (0.0 if external is None else external)
+        yield Curve(run.time_ms, given, label, GREY, dash="dash")
 
 
 def _received(run: LoadedRun) -> Iterator[Curve]:

@@ -26,6 +26,7 @@ class Hit:
         distance: (n, nodes) of all nodes to the striker's surface at the end of each step, m.
         impulses: (n, nodes, 3) of the contact, from the nodes' motion and the bars' forces, N s.
         normals: (n, nodes, 3) of the striker's surface towards the nodes.
+        slips: (n, nodes, 3) velocities of the nodes relative to the striker, m/s.
         momentum: (n,) plate and striker along the striker's way, kg m/s.
         velocity: (n,) of the striker, m/s.
         errors: (n,) imbalance of the ledger over the initial energy.
@@ -33,7 +34,9 @@ class Hit:
 
     place, gap, steps = (0.3e-3, -0.2e-3), 1e-6, 300
 
-    def __init__(self, mass: float, speed: float, radius: float, depth: float = 0.0) -> None:
+    def __init__(
+        self, mass: float, speed: float, radius: float, depth: float = 0.0, friction: float = 0.0
+    ) -> None:
         from taichi_ldem.solver.simulation import Simulation
 
         self.mass, self.speed, self.radius = mass, speed, radius
@@ -43,6 +46,7 @@ class Hit:
             "velocity": self.speed,
             "position": self.place,
             "gap": self.gap,
+            "friction": friction,
         }
         self.simulation = s = Simulation(block_scene(8, 8, 3, striker=striker))
         self.body = body = Body(s.dynamics.lattice.mask, SPACING)
@@ -65,6 +69,7 @@ class Hit:
                     length - radius,
                     masses * (velocity - free),
                     away / length[:, None],
+                    velocity + np.array([0.0, 0.0, speed]),
                     self.mass * speed - (masses * velocity).sum(axis=0)[2],
                     speed,
                     sample.energy_error,
@@ -72,8 +77,8 @@ class Hit:
                 )
             )
         columns = [np.array(column) for column in zip(*rows, strict=True)]
-        self.distance, self.impulses, self.normals, self.momentum = columns[:4]
-        self.velocity, self.errors, self.lost = columns[4:]
+        self.distance, self.impulses, self.normals, self.slips = columns[:4]
+        self.momentum, self.velocity, self.errors, self.lost = columns[4:]
 
     def _from_axis(self, place: np.ndarray, travelled: float) -> np.ndarray:
         """Hemisphere under a shaft: vectors from the nearest point of the shaft's axis."""
@@ -140,6 +145,33 @@ def test_a_node_that_is_inside_gets_nothing_but_what_stops_it_there(taichi: None
     assert hit.lost.max() < energy
     assert hit.errors.max() < 5e-4
     np.testing.assert_allclose(hit.momentum, hit.mass * hit.speed, rtol=1e-12)
+
+
+def test_friction_of_the_striker_is_coulombs(taichi: None) -> None:
+    friction = 0.1
+    hit = Hit(*LIGHT, friction=friction)
+    size = np.linalg.norm(hit.impulses, axis=2)
+    touched = size > 1e-6 * hit.mass * hit.speed
+
+    def split(vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Components along the normals, and the vectors across, of the nodes that touch."""
+        along = (vectors * hit.normals).sum(axis=2)
+        return along[touched], (vectors - along[..., None] * hit.normals)[touched]
+
+    pushed, rubbed = split(hit.impulses)
+    _, slip = split(hit.slips)
+    share = np.linalg.norm(rubbed, axis=1) / pushed
+    assert (pushed > 0).all()
+    assert share.max() < friction * (1 + 1e-3)  # a step along the tangent turns the normal a bit
+    slides = share > friction * (1 - 1e-3)
+    assert slides.any()
+    assert (~slides).any()
+    assert ((rubbed * slip).sum(axis=1)[slides] < 0).all()
+    assert np.linalg.norm(slip[~slides], axis=1).max() < 1e-3 * hit.speed
+    assert hit.distance.min() > -1e-5 * SPACING  # its equation is linearised about free flight
+    np.testing.assert_allclose(hit.momentum, hit.mass * hit.speed, rtol=1e-12)
+    assert hit.errors.max() < 5e-4
+    assert 0 < hit.lost[-1] < 0.5 * hit.mass * hit.speed**2
 
 
 # -- a striker that comes to rest on a plate between rings -----------------------------------------

@@ -116,6 +116,8 @@ class RigidBody(NearbyNodes):
         numbers: parameters of the body, f64, SI units.
         rubs: whether a coefficient decides which nodes slip.
         friction: (1,) f64, the coefficient; only where ``rubs``.
+        free: velocity of each listed node at the end of the step, m/s, before any body was
+            resolved; only where ``shared``.
         chunk_sums: (chunks,) 4-vectors in f64.
         group_sums: (groups,) 4-vectors in f64, on a GPU.
         sums: (4,) f64 since the start: impulse on the plate along z (N s); half-step work on the
@@ -127,8 +129,14 @@ class RigidBody(NearbyNodes):
     needs_sums: ClassVar[bool] = False
     """Whether the body's own motion needs the chunks' sums in every step."""
 
+    meets_others: ClassVar[bool] = False
+    """Whether another body may press nodes against this one, which is then resolved after it."""
+
     state: Any = None
     """The field of the body's own motion, if it has any."""
+
+    shared = False
+    """Whether the scene has other bodies that may press nodes against this one."""
 
     def __init__(self, dynamics: Dynamics, layout: Layout):
         super().__init__(dynamics, layout.capacity)
@@ -254,6 +262,22 @@ class RigidBody(NearbyNodes):
             self._add_up()
         return self.sums.to_numpy()
 
+    # -- together with other bodies
+    # -------------------------------------------------------------------------------------
+
+    def share_nodes(self) -> None:
+        """Prepare for other bodies that press nodes against this one."""
+        self.shared = True
+        self.free = ti.Vector.field(3, float, shape=self.capacity)
+
+    @ti.func
+    def begin(self):
+        """Keep the velocities before any body is resolved, where other bodies share nodes."""
+        if ti.static(self.shared):
+            for number in range(self.count[0]):
+                s, k, j, i = self.site_of(number)
+                self.free[number] = self.dynamics.node_velocity(s, k, j, i)
+
     # -- a node's place and motion
     # -------------------------------------------------------------------------------------
 
@@ -296,8 +320,15 @@ class RigidBody(NearbyNodes):
             drag = damping * self.dynamics.node_mass(s, k, j, i) * mean
             path = ti.cast(time_step * (velocity - free), float)
             self.dynamics.add_damped(s, k, j, i, drag.dot(path))
-        works = 0.5 * impulse.dot(before), 0.5 * impulse.dot(velocity)
-        return vec3d(self.component(impulse), works[0], works[1])
+        works = vec3d(
+            self.component(impulse), 0.5 * impulse.dot(before), 0.5 * impulse.dot(velocity)
+        )
+        if ti.static(self.shared):
+            # other bodies have counted their work up to a velocity that is not the node's last
+            others = free - ti.cast(self.free[number], ti.f64)
+            mass = self.inertia(s, k, j, i, time_step, damping)
+            works.z += 0.5 * mass * others.dot(velocity - free)
+        return works
 
     @ti.func
     def braking(self, slid, pushed):

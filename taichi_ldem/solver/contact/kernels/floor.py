@@ -22,6 +22,7 @@ class Floor(SurfaceBody):
     """A fixed plane; its list has room for all nodes, as all pieces of a plate may come to it."""
 
     touches_few = False
+    meets_others = True
 
     def __init__(self, dynamics: Dynamics, scene: "Scene", time_step: float):
         super().__init__(dynamics, self.layout_of(dynamics, scene))
