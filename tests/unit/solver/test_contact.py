@@ -10,6 +10,7 @@ from taichi_ldem.model import material as mat
 from taichi_ldem.model.lattice import Lattice, prism
 
 if TYPE_CHECKING:
+    from taichi_ldem.scene import Scene
     from taichi_ldem.solver.simulation import Simulation
 
 STIFFNESS = mat.axial_stiffness(PMMA["youngs_modulus"], PMMA["poisson_ratio"], SPACING)
@@ -276,6 +277,76 @@ def test_several_steps_a_launch_are_the_same_steps(taichi: None) -> None:
     assert ends[0][2].observed["ring_force_n"] == ends[1][2].observed["ring_force_n"]
     for one, two in zip(*(vars(end[2].ledger).values() for end in ends), strict=True):
         assert one == pytest.approx(two, rel=1e-13)  # summed in another order
+
+
+# -- striker, rings and floor at once --------------------------------------------------------------
+
+RUBBED = 0.2
+
+
+def _between(**material: float) -> "Scene":
+    """A plate between rings and above a floor, struck; all three bodies rub."""
+    return block_scene(
+        8,
+        8,
+        2,
+        material=material,
+        striker={"diameter": 1.6e-3, "mass": 2e-6, "velocity": 20.0, "friction": 0.3},
+        clamp={
+            "kind": "rings",
+            "inner_diameter": 2.1e-3,
+            "outer_diameter": 3.8e-3,
+            "friction": RUBBED,
+        },
+        floor={"gap": 1e-4, "friction": 0.5},
+        solver={"time_step": 1e-7},
+    )
+
+
+@pytest.fixture(scope="module")
+def between(taichi: None) -> "Simulation":
+    from taichi_ldem.solver.simulation import Simulation
+
+    return Simulation(_between())
+
+
+def test_rings_with_friction_hold_by_no_more_than_it(between: "Simulation") -> None:
+    s = between
+    s.reset(_between())
+    body = Body(s.dynamics.lattice.mask, SPACING)
+    masses = MODULE_MASS * body.mass_shares[:, None]
+    radius = np.hypot(*body.positions[:, :2].T)
+    under = (radius > 1.3e-3) & (radius < 1.8e-3)
+    displaced, velocity = np.zeros((2, *body.positions.shape))
+    rows, errors = [], []
+    for _ in range(200):
+        errors.append(s.sample_step().energy_error)
+        free = velocity + s.time_step * body.forces(displaced, STIFFNESS) / masses
+        velocity = s.dynamics.get_velocity()[body.index]
+        displaced = s.displacement()[body.index]
+        rows.append((masses * (velocity - free))[under])
+    pushed, rubbed = np.abs(np.array(rows)[..., 2]), np.hypot(*np.array(rows)[..., :2].T).T
+    held = pushed > 1e-6 * pushed.max()
+    share = rubbed[held] / pushed[held]
+    assert share.max() < RUBBED * (1 + 1e-6)
+    assert np.count_nonzero(share > RUBBED * (1 - 1e-6)) > 10  # these slip
+    assert np.count_nonzero(share < 0.9 * RUBBED) > 10  # and these do not
+    assert max(errors) < 5e-4
+    assert s.contact_loss("rings") > 0
+
+
+def test_nodes_between_striker_and_floor_are_counted_once(between: "Simulation") -> None:
+    """Of a material that carries nothing: the striker carries nodes until they are on the floor."""
+    s = between
+    s.reset(_between(youngs_modulus=1e2))
+    errors = [s.sample_step().energy_error for _ in range(900)]
+    masses = s.dynamics.masses()
+    height = s.dynamics.lattice.positions()[..., 2] + s.displacement()[..., 2]
+    travelled = s.body("striker").motion()[0]
+    assert travelled > 2 * SPACING + 1e-4  # it is below the floor, and nodes are not
+    assert height[masses > 0].min() == pytest.approx(-1e-4, rel=1e-9)
+    assert s.contact_loss("floor") > 0
+    assert max(errors) < 1e-6
 
 
 # -- bonded faces ----------------------------------------------------------------------------------

@@ -243,11 +243,14 @@ from taichi_ldem.solver import backend
 precision, threads, variant, out = sys.argv[1], int(sys.argv[2]), *sys.argv[3:]
 variants = {"gone": {}, "closing": {"after_failure": "closing"}}
 variants["crack"] = variants["closing"] | {"fracture": "crack"}
+rubs = {"friction": 0.3} if variant == "floor" else {}
+below = {"floor": {"gap": 1e-5} | rubs, "plate": {"gravity": [1e3, 0.0, -1e4]}} if rubs else {}
 scene = block_scene(
     16, 16, 3,
-    material=DAMAGE | variants[variant],
-    striker={"diameter": 2e-3, "mass": 1e-3, "velocity": 6.0, "gravity": 9.81},
-    clamp={"kind": "rings", "inner_diameter": 5.2e-3, "outer_diameter": 7.6e-3},
+    material=DAMAGE | variants.get(variant, {}),
+    striker={"diameter": 2e-3, "mass": 1e-3, "velocity": 6.0, "gravity": 9.81} | rubs,
+    clamp={"kind": "rings", "inner_diameter": 5.2e-3, "outer_diameter": 7.6e-3} | rubs,
+    **below,
     solver={"duration": 1.5e-4, "precision": precision, "threads": threads},
     output={"history_interval": 1e-6},
 )
@@ -303,8 +306,8 @@ def test_the_number_of_threads_changes_no_bit(runs: Runs, precision: str) -> Non
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("variant", ["closing", "crack"])
-def test_variants_of_fracture_keep_bits_and_energy(runs: Runs, variant: str) -> None:
+@pytest.mark.parametrize("variant", ["closing", "crack", "floor"])
+def test_variants_keep_bits_and_energy(runs: Runs, variant: str) -> None:
     one, two, gone = runs[f"f64-1-{variant}"], runs[f"f64-2-{variant}"], runs["f64-2-gone"]
     for name in one:
         np.testing.assert_array_equal(one[name], two[name])
