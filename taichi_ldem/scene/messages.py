@@ -43,7 +43,7 @@ NATURAL = {
     "speed": "striker.velocity",
     "radius": "a diameter, twice the radius",
     "g": "plate.gravity or striker.gravity",
-    "mu": "a table's friction (floor.friction, striker.friction)",
+    "mu": "striker.friction or floor.friction",
     "dt": "solver.time_step",
     "end": "solver.duration",
     "end_time": "solver.duration",

@@ -45,6 +45,7 @@ class Watched:
         """Take steps, with a sample of every so many; sampled impulses add up without a gap."""
         for _ in range(steps // every):
             self.samples.append(self.simulation.sample_step())
+            self.simulation.guard(self.samples[-1])
             self.simulation.advance(every - 1)
         return self
 

@@ -62,22 +62,18 @@ def energy(run: LoadedRun) -> tuple[Panel, ...]:
 
 def _given(run: LoadedRun) -> Iterator[Curve]:
     """The energy that the plate had or was given: by the striker, gravity or the grips."""
-    history, external = run.history, run.history.get("external_j")
+    history, given = run.history, {}
+    if any(run.scene.plate.velocity or ()):
+        given["plate at the start"] = np.full(run.rows, history["kinetic_plate_j"][0])
     if "kinetic_striker_j" in history:
         kinetic = history["kinetic_striker_j"]
-        label = "given up by the striker" if external is None else "striker and gravity"
-        work = 0.0 if external is None else external
-        yield Curve(run.time_ms, kinetic[0] - kinetic + work, label, GREY, dash="dash")
-        return
-    plate = run.scene.plate
-    start = history["kinetic_plate_j"][0] if plate.moves else 0.0
-    if external is not None or start:
-        by = "work of the grips" if run.scene.grips is not None else "work of gravity"
-        label = (
-            by if not start else "at the start" + (f", and {by}" if external is not None else "")
-        )
-        given = np.full(run.rows, start) + (0.0 if external is None else external)
-        yield Curve(run.time_ms, given, label, GREY, dash="dash")
+        given["given up by the striker"] = kinetic[0] - kinetic
+    if "external_j" in history:
+        by = "grips" if run.scene.grips is not None else "gravity"
+        given[f"work of {by}"] = history["external_j"]
+    if given:
+        total = np.sum(list(given.values()), axis=0)
+        yield Curve(run.time_ms, total, " + ".join(given), GREY, dash="dash")
 
 
 def _received(run: LoadedRun) -> Iterator[Curve]:
