@@ -100,6 +100,16 @@ def test_free_fall_is_that_of_a_point_to_rounding(block: "Simulation") -> None:
     assert not any(sample.observed["floor_force_n"] for sample in falling.samples)
 
 
+def test_gravity_is_no_part_of_the_bars_forces(block: "Simulation") -> None:
+    block.reset(scene((0.0, 0.0, -1e-3)))
+    light = block.critical_time_step
+    block.reset(scene((0.0, 0.0, -GRAVITY)))
+    assert block.critical_time_step == light
+    assert not block.dynamics.get_force(0).any()
+    block.advance(1)
+    assert block.displacement()[..., 2].min() < 0  # it is back after both
+
+
 def test_a_block_rests_on_a_slope_of_20_degrees(block: "Simulation") -> None:
     resting = Watched(block, scene(slope(20))).run(2000)
     slides = 0.5 * GRAVITY * np.sin(np.radians(20)) * block.time**2  # without friction
