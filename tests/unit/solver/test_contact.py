@@ -1,3 +1,4 @@
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
@@ -323,13 +324,18 @@ def between(taichi: None) -> "Simulation":
     return Simulation(_between())
 
 
-def test_rings_with_friction_hold_by_no_more_than_it(between: "Simulation") -> None:
-    s = between
-    s.reset(_between())
+def _rubs_by_no_more_than(
+    simulation: "Simulation", friction: float, under: Callable[[np.ndarray], np.ndarray]
+) -> np.ndarray:
+    """Shares of friction in what a body pushes nodes along z; Coulomb's law and the ledger hold.
+
+    Args:
+        under: whether each of (nodes, 3) places is such a node's.
+    """
+    s = simulation
     body = Body(s.dynamics.lattice.mask, SPACING)
     masses = MODULE_MASS * body.mass_shares[:, None]
-    radius = np.hypot(*body.positions[:, :2].T)
-    under = (radius > 1.3e-3) & (radius < 1.8e-3)
+    chosen = under(body.positions)
     displaced, velocity = np.zeros((2, *body.positions.shape))
     rows, errors = [], []
     for _ in range(200):
@@ -337,17 +343,51 @@ def test_rings_with_friction_hold_by_no_more_than_it(between: "Simulation") -> N
         free = velocity + s.time_step * body.forces(displaced, STIFFNESS) / masses
         velocity = s.dynamics.get_velocity()[body.index]
         displaced = s.displacement()[body.index]
-        rows.append((masses * (velocity - free))[under])
+        rows.append((masses * (velocity - free))[chosen])
     pushed, rubbed = np.abs(np.array(rows)[..., 2]), np.hypot(*np.array(rows)[..., :2].T).T
     held = pushed > 1e-6 * pushed.max()
     share = rubbed[held] / pushed[held]
-    assert share.max() < RUBBED * (1 + 1e-6)
-    assert np.count_nonzero(share > RUBBED * (1 - 1e-6)) > 10  # these slip
-    assert np.count_nonzero(share < 0.9 * RUBBED) > 10  # and these do not
+    assert share.max() < friction * (1 + 1e-3)
+    assert np.count_nonzero(share > friction * (1 - 1e-3)) > 10  # these slip
     assert max(errors) < 5e-4
-    assert s.contact_loss("rings") > 0
+    return np.asarray(share)
 
 
+@pytest.mark.slow
+def test_rings_with_friction_hold_by_no_more_than_it(between: "Simulation") -> None:
+    between.reset(_between())
+
+    def under_rings(places: np.ndarray) -> np.ndarray:
+        radius = np.hypot(*places[:, :2].T)
+        return (radius > 1.3e-3) & (radius < 1.8e-3)
+
+    share = _rubs_by_no_more_than(between, RUBBED, under_rings)
+    assert np.count_nonzero(share < 0.9 * RUBBED) > 10  # not all of them slip
+    assert between.contact_loss("rings") > 0
+
+
+@pytest.mark.slow  # its kernels are of their own
+def test_supports_with_friction_hold_by_no_more_than_it(taichi: None) -> None:
+    from taichi_ldem.solver.simulation import Simulation
+
+    scene = block_scene(
+        12,
+        3,
+        2,
+        striker={"shape": "cylinder", "diameter": 2e-3, "mass": 2e-6, "velocity": 20.0},
+        supports={"span": 4e-3, "diameter": 2e-3, "friction": RUBBED},
+        solver={"time_step": 1e-7},
+    )
+    simulation = Simulation(scene)
+
+    def above_an_axis(places: np.ndarray) -> np.ndarray:
+        return (places[:, 2] < 1e-9) & (np.abs(np.abs(places[:, 0]) - 2e-3) < 1e-9)
+
+    _rubs_by_no_more_than(simulation, RUBBED, above_an_axis)
+    assert simulation.contact_loss("supports") > 0
+
+
+@pytest.mark.slow
 def test_nodes_between_striker_and_floor_are_counted_once(between: "Simulation") -> None:
     """Of a material that carries nothing: the striker carries nodes until they are on the floor."""
     s = between
