@@ -147,22 +147,22 @@ def test_a_sliding_block_stops_where_friction_has_taken_its_energy(block: "Simul
 
 
 def test_a_dropped_block_bounces_lower_and_comes_to_rest(block: "Simulation") -> None:
-    gap, speed = 1e-5, 0.5
+    gap, speed = 1e-5, 0.3
     dropped = Watched(block, scene((0.0, 0.0, -GRAVITY), gap=gap, speed=-speed))
     fall = 0.5 * speed**2 / GRAVITY + gap  # the height that its energy reaches above the floor
     heights = [gap]
-    for _ in range(60):
+    for _ in range(42):
         dropped.run(100, 50)
         heights.append(gap + dropped.moved[2])
     energy = [s.ledger.kinetic_plate + s.ledger.strain - s.ledger.external for s in dropped.samples]
     assert np.diff(energy).max() < 1e-4 * dropped.mass * GRAVITY * fall  # never gains any
     assert min(heights) > -0.02 * fall
-    landed = heights.index(min(heights))
-    assert 0.1 * fall < max(heights[landed:]) < 0.9 * fall
+    down = next(n for n in range(1, len(heights)) if heights[n] > heights[n - 1])  # it has landed
+    assert 0.4 * fall < max(heights[down:]) < 0.9 * fall
     assert max(heights[-10:]) < 0.02 * fall
     assert dropped.worst() < 1e-4
     weight = dropped.mass * GRAVITY
-    forces = [sample.observed["floor_force_n"] for sample in dropped.samples[-40:]]
+    forces = [sample.observed["floor_force_n"] for sample in dropped.samples[-20:]]
     assert np.mean(forces) == pytest.approx(weight, rel=0.01)
 
 
