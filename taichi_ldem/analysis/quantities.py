@@ -119,6 +119,7 @@ NUMBERS: dict[str, Number] = {
     "striker_force_n": Number("striker force", "N"),
     "ring_force_n": Number("ring force", "N", positive="upwards"),
     "support_force_n": Number("support force", "N"),
+    "floor_force_n": Number("floor force", "N", positive="upwards"),
     "grip_force_n": Number("grip force", "N"),
     "grip_displacement_m": Number("grip displacement", *_MM),
     "gauge_strain": Number("gauge strain", "%", 100.0),

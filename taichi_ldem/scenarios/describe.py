@@ -205,7 +205,8 @@ def _steps(scene: Scene) -> float:
 def left_out(scene: Scene) -> list[str]:
     """Features and bodies that the scene does not have, and why: neither allocated nor compiled."""
     bodies = [body.absent for body in BODIES if body.table(scene) is None]
-    return [*Features.of(scene).left_out(), *bodies]
+    smooth = [line for body in BODIES if (line := body.without_friction(scene))]
+    return [*Features.of(scene).left_out(), *bodies, *smooth]
 
 
 def _disorder(scene: Scene, drawn: dict[str, tuple[float, float]]) -> dict[str, str]:

@@ -1,7 +1,8 @@
 """The cost of a scene compared with that of everything switched on: fields, bytes, kernels, time.
 
-Everything means all features of ``solver.fields``, a striker and rings, on the scene's own lattice
-and in its precision. Both are measured in turn in processes of their own, and medians are taken.
+Everything means all features of ``solver.fields``, a striker and rings that rub, on the scene's own
+lattice and in its precision. Both are measured in turn in processes of their own, and medians are
+taken.
 ``python -m taichi_ldem.scenarios.leave_out SCENE.toml`` prints one cost as JSON.
 """
 
@@ -54,11 +55,12 @@ def everything(scene: Scene) -> Scene:
         "scenario": "impact",
         "plate": plate,
         "material": {"fracture_energy": 1034.0} | material,
-        "striker": {"diameter": 0.2 * width, "mass": 1.0, "velocity": 1.0},
+        "striker": {"diameter": 0.2 * width, "mass": 1.0, "velocity": 1.0, "friction": 0.1},
         "clamp": {
             "kind": "rings",
             "inner_diameter": 0.6 * width,
             "outer_diameter": 0.99 * width,
+            "friction": 0.1,
         },
         "solver": data["solver"],
         "output": data["output"],

@@ -90,6 +90,7 @@ _ENTRIES = (
         figures=(
             "force",
             "force_displacement",
+            "floor_force",
             "velocity",
             "energy",
             "crack_map",

@@ -1,6 +1,6 @@
 """Scene files: TOML tables in SI units, read once and checked as a whole."""
 
-from taichi_ldem.scene.bodies import Clamp, Grips, Striker, Supports
+from taichi_ldem.scene.bodies import Clamp, Floor, Grips, Striker, Supports
 from taichi_ldem.scene.checks import SCENARIOS, ScenarioRules, register_scenario
 from taichi_ldem.scene.load import Override
 from taichi_ldem.scene.messages import NATURAL
@@ -39,6 +39,7 @@ __all__ = [
     "TABLES",
     "Clamp",
     "Disorder",
+    "Floor",
     "Grips",
     "Material",
     "Modes",

@@ -11,7 +11,7 @@ NoseName = Annotated[str, BeforeValidator(OneOf(NOSE_NAMES))]
 
 
 class Striker(Table):
-    """A rigid nose on a shaft of the same diameter. It moves along -z only and has no friction.
+    """A rigid nose on a shaft of the same diameter. It moves along -z only.
 
     hemisphere: half a sphere on a round shaft; cylinder: half a cylinder on a flat shaft, with its
     axis along y and longer than the plate is wide.
@@ -31,15 +31,19 @@ class Striker(Table):
         default=(0.0, 0.0),
         description="coordinates x and y of the axis, from the plate's centre, m",
     )
+    friction: NonNegative = Field(
+        default=0.0, description="coefficient of Coulomb friction between striker and plate"
+    )
 
 
 class Clamp(Table):
     """How the plate is held, between two concentric circles around its centre.
 
-    rings: rigid rings on both faces, free to separate; bonded: the nodes of both faces between the
+    rings: rigid rings on both faces, free to separate, without slip where the plate is pressed
+    against them unless `friction` is given; bonded: the nodes of both faces between the
     circles are fixed; rim: all nodes outside the inner circle are fixed (no outer diameter needed);
-    free: not held. Diameters that a kind does not need are ignored, so that the kind can be
-    changed alone.
+    free: not held. Keys that a kind does not need are ignored, so that the kind can be changed
+    alone.
     """
 
     kind: Literal["rings", "bonded", "rim", "free"] = Field(
@@ -50,6 +54,11 @@ class Clamp(Table):
     )
     outer_diameter: Positive | None = Field(
         default=None, description="diameter of the outer circle, m; for 'rings' and 'bonded'"
+    )
+    friction: NonNegative | None = Field(
+        default=None,
+        description="coefficient of Coulomb friction between rings and plate, for 'rings'; without"
+        " it the plate does not slip",
     )
 
     @model_validator(mode="after")
@@ -87,8 +96,26 @@ class Grips(Table):
     )
 
 
+class Floor(Table):
+    """A rigid plane under the plate, on which the plate or its pieces fall, slide and rest.
+
+    A slope is a gravity (`plate.gravity`) that is not normal to the floor. The striker and the
+    supports do not meet the floor.
+    """
+
+    gap: NonNegative = Field(
+        default=0.0, description="distance between the lower face and the floor at t = 0, m"
+    )
+    friction: NonNegative = Field(
+        default=0.0, description="coefficient of Coulomb friction between floor and plate"
+    )
+
+
 class Supports(Table):
-    """Two fixed rigid cylinders under the plate at x = +-span/2, along y, without friction."""
+    """Two fixed rigid cylinders under the plate at x = +-span/2, along y."""
 
     span: Positive = Field(description="distance between the axes of the two cylinders, m")
     diameter: Positive = Field(description="diameter of both cylinders, m")
+    friction: NonNegative = Field(
+        default=0.0, description="coefficient of Coulomb friction between cylinders and plate"
+    )

@@ -180,11 +180,17 @@ def _check_free_prism(scene: Scene) -> None:
     if plate.perturbation:
         why = "must be 0 with [pulse]: waves are compared with those of a regular lattice"
         raise refuse("plate.perturbation", plate.perturbation, why)
+    for key, value in (("velocity", plate.velocity), ("gravity", plate.gravity)):
+        if value is not None:
+            raise refuse(
+                f"plate.{key}", value, "cannot be used with [pulse], which sets the motion"
+            )
     for name, present in (
         ("disorder", scene.disorder),
         ("striker", scene.striker),
         ("clamp", scene.held),
         ("supports", scene.supports),
+        ("floor", scene.floor),
         ("notch", scene.notch),
     ):
         if present:
@@ -195,7 +201,9 @@ def _check_free_prism(scene: Scene) -> None:
 
 SCENARIOS = {
     "impact": ScenarioRules(),
-    "tension": ScenarioRules(needs=("grips",), without=("striker", "clamp"), check=_check_tension),
+    "tension": ScenarioRules(
+        needs=("grips",), without=("striker", "clamp", "floor"), check=_check_tension
+    ),
     "bend": ScenarioRules(needs=("striker", "supports"), check=_check_bend),
     "wave": ScenarioRules(needs=("pulse",), check=_check_wave),
     "modes": ScenarioRules(breaks=False, defaults={"solver": {"duration": NO_DURATION}}),
@@ -217,6 +225,14 @@ def _check_sides(scene: Scene) -> None:
         fits = " or ".join(f"{n * spacing:.6g}" for n in (below, below + 1) if n > 0)
         why = f"side {axis} must be a whole number of modules of {spacing:.6g} m: {fits}"
         raise refuse("plate.size", plate.size, why)
+
+
+def _check_motion(scene: Scene) -> None:
+    plate = scene.plate
+    for key, value in (("velocity", plate.velocity), ("gravity", plate.gravity)):
+        if value is not None and plate.angle:
+            why = "is for plate.angle = 0 only: its axes are those of the lattice"
+            raise refuse(f"plate.{key}", value, why)
 
 
 def bars_of(scene: Scene) -> Bars:
@@ -417,6 +433,7 @@ def _check_vulkan(scene: Scene) -> None:
 CHECKS: tuple[Callable[[Scene], None], ...] = (
     _check_sides,
     _check_lattice,
+    _check_motion,
     _check_disorder,
     _check_clamp,
     _check_striker,

@@ -73,6 +73,14 @@ class Plate(Table):
         " in module edges",
     )
     perturbation_seed: Seed = Field(default=0, description="seed of these random displacements")
+    velocity: tuple[Real, Real, Real] | None = Field(
+        default=None, description="velocity of the whole plate along x, y and z at t = 0, m/s"
+    )
+    gravity: tuple[Real, Real, Real] | None = Field(
+        default=None,
+        description="gravity that acts on every node of the plate from t = 0 on, along x, y and z,"
+        " m/s2; the striker has a gravity of its own",
+    )
 
     @property
     def spacing(self) -> float:
@@ -93,6 +101,11 @@ class Plate(Table):
             sides = (x * cosine + y * sine + margin, x * sine + y * cosine + margin)
         nx, ny = (max(1, round(side / self.spacing)) for side in sides)
         return nx, ny, self.modules_through_thickness
+
+    @property
+    def moves(self) -> bool:
+        """Whether the plate has a velocity at the start, or gravity acts on it."""
+        return any(self.velocity or ()) or any(self.gravity or ())
 
     @property
     def is_prism(self) -> bool:

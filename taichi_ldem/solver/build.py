@@ -76,6 +76,9 @@ def _fill(dynamics: Dynamics, scene: Scene, drawn: disorder.Drawn) -> Drawn:
     if features.density:
         assert drawn.density is not None
         dynamics.set_own_density(density, drawn.density)
+    if features.gravity:
+        assert scene.plate.gravity is not None
+        dynamics.set_gravity(scene.plate.gravity)
     if features.notch:
         dynamics.set_removed(notch_bars(scene, dynamics.lattice))
     return drawn.statistics(dynamics.lattice)

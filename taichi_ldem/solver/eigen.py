@@ -127,7 +127,8 @@ class TangentOperator:
         # like Exchange.get_acceleration, but there are no velocities to keep
         for field in self.dynamics.fields()["velocity"]:
             field.fill(0)
-        self.dynamics.kick(0, 1.0)
+        with self.dynamics.weightless():
+            self.dynamics.kick(0, 1.0)
         self.dynamics.get_velocity(self._acceleration)
         self.applied += 1
         acceleration = self._acceleration.reshape(-1, 3)[self.nodes]

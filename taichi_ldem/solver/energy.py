@@ -17,6 +17,8 @@ from taichi_ldem.solver.lanes import HALO
 from taichi_ldem.solver.state import field_apart
 
 STRAIN, FRACTURE, BROKEN, KINETIC, DAMPED = range(5)
+WORK = 5
+"""Of gravity; only where the lattice has it."""
 
 GROUP = 128
 """Number of pieces of rows whose sums one thread of a GPU adds up."""
@@ -68,12 +70,15 @@ class Ledger:
         return abs(self.imbalance(start)) / scale if scale > 0 else 0.0
 
     def error_of_plate(self, start: "Ledger", floor: float) -> float:
-        """Imbalance over the energy given to the plate: the bodies' loss plus external work.
+        """Imbalance over the energy of the plate at the start and what it was given since.
+
+        It is given the bodies' loss and external work.
 
         Args:
             floor: least denominator, J, so that the first microseconds give no false alarm.
         """
         given = start.kinetic_bodies - self.kinetic_bodies + self.external - start.external
+        given += start.kinetic_plate + start.strain
         scale = max(given, floor)
         return abs(self.imbalance(start)) / scale if scale > 0 else 0.0
 
@@ -86,19 +91,22 @@ class EnergySums:
     where one thread is slow, rows are cut into pieces and added up in groups.
 
     Attributes:
-        rows: 3-vectors in f64, one for each row of sites or piece of it: strain, fracture (J),
-            broken bars.
-        group_sums: 5-vectors in f64, as ``total`` returns them.
+        rows: vectors in f64, one for each row of sites or piece of it: strain, fracture (J),
+            broken bars, work of gravity (J).
+        group_sums: vectors in f64, as ``total`` returns them.
+        count: number of sums: 5, or 6 with gravity.
     """
 
     def __init__(self, dynamics: Dynamics):
         self.state, self.bars, self.driver = dynamics, dynamics.bars, dynamics.driver
         self.volumes = dynamics.volumes
         nz, ny, _ = dynamics.sites
-        self.rows = field_apart(ti.f64, nz * ny * dynamics.layout.pieces, 3)
+        weighs = int(dynamics.features.gravity)
+        self.count = 5 + weighs
+        self.rows = field_apart(ti.f64, nz * ny * dynamics.layout.pieces, 3 + weighs)
         rows = max(part.shape[0] for part in (self.rows, dynamics.node_sums))
         self.group = rows if dynamics.on_cpu else GROUP
-        self.group_sums = field_apart(ti.f64, -(-rows // self.group), 5)
+        self.group_sums = field_apart(ti.f64, -(-rows // self.group), self.count)
 
     @ti.func
     def bar_energy(self, bar: ti.template(), strain, at: ti.template(), lane, step: ti.template()):
@@ -127,6 +135,18 @@ class EnergySums:
                     result[2] = 1.0
         return result
 
+    @ti.func
+    def work_of_gravity(self, at: ti.template(), step: ti.template()):
+        """Work of gravity on a column's nodes up to their displacement, J."""
+        work = ti.cast(0.0, ti.f64)
+        for s, axis in ti.static(self.state.cell.node_axes):
+            u = self.state.displacement[s][axis][step.now, at.k, at.j, at.m]
+            mass = self.state.lane_masses(s, at.k, at.j, at.m)
+            for lane in ti.static(range(self.state.lanes.width)):
+                weight = ti.cast(mass[lane], ti.f64) * self.state.gravity[0][axis]
+                work += weight * u[lane]
+        return work
+
     @ti.kernel
     def _potential(self, now: int, spacing: float, peak_strain: float, volumetric: float):
         nz, ny, _ = ti.static(self.state.sites)
@@ -135,7 +155,7 @@ class EnergySums:
             step = ti.Struct(
                 now=now, spacing=spacing, peak_strain=peak_strain, volumetric=volumetric
             )
-            total = ti.Vector.zero(ti.f64, 3)
+            total, work = ti.Vector.zero(ti.f64, 3), ti.cast(0.0, ti.f64)
             k, j = row // pieces // ny, row // pieces % ny
             piece = row % pieces
             if k > 0 and j > 0 and k < nz - 1 and j < ny - 1:
@@ -151,7 +171,12 @@ class EnergySums:
                         stored, lost = self.volumes.column_energy(at, step)
                         total[0] += stored
                         total[1] += lost
-            self.rows[row] = total
+                    if ti.static(self.state.features.gravity):
+                        work += self.work_of_gravity(at, step)
+            if ti.static(self.state.features.gravity):
+                self.rows[row] = ti.Vector([total[0], total[1], total[2], work], ti.f64)
+            else:
+                self.rows[row] = total
 
     def potential(self, now: int) -> None:
         """Sum strain energy, dissipated energy and broken bars at the displacement ``now``."""
@@ -163,19 +188,21 @@ class EnergySums:
         """Add up the rows of each group, in their order."""
         for group in range(self.group_sums.shape[0]):
             first = group * self.group
-            bars, nodes = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 2)
+            bars, nodes = ti.Vector.zero(ti.f64, self.rows.n), ti.Vector.zero(ti.f64, 2)
             for row in range(first, ti.min(first + self.group, self.rows.shape[0])):
                 bars += self.rows[row]
             for row in range(first, ti.min(first + self.group, self.state.node_sums.shape[0])):
                 nodes += self.state.node_sums[row]
-            self.group_sums[group] = ti.Vector(
-                [bars[0], bars[1], bars[2], nodes[0], nodes[1]], ti.f64
-            )
+            sums = ti.Vector.zero(ti.f64, self.count)
+            for n in ti.static(range(self.rows.n)):
+                sums[n if n < KINETIC else WORK] = bars[n]
+            sums[KINETIC], sums[DAMPED] = nodes[0], nodes[1]
+            self.group_sums[group] = sums
 
     @ti.func
     def sums(self):
         """Sum over the groups, in their order; for one thread."""
-        total = ti.Vector.zero(ti.f64, 5)
+        total = ti.Vector.zero(ti.f64, self.count)
         for group in range(self.group_sums.shape[0]):
             total += self.group_sums[group]
         return total
@@ -186,11 +213,14 @@ class EnergySums:
         ti.loop_config(serialize=True)
         for _ in range(1):
             total = self.sums()
-            for n in ti.static(range(5)):
+            for n in ti.static(range(self.count)):
                 values[n] = total[n]
 
     def total(self) -> npt.NDArray[np.float64]:
-        """(5,) sums over the plate: strain, fracture, broken bars, kinetic, damped."""
-        values = np.zeros(5)
+        """(5,) sums over the plate: strain, fracture, broken bars, kinetic, damped.
+
+        With gravity, the sixth is its work.
+        """
+        values = np.zeros(self.count)
         self._total(values)
         return values

@@ -74,7 +74,8 @@ class Exchange:
         """
         kept = self.get_velocity()
         self.set_velocity(np.zeros_like(kept))
-        self.step.kick(now, 1.0)
+        with self.state.weightless():
+            self.step.kick(now, 1.0)
         acceleration = self.get_velocity()
         self.set_velocity(kept)
         return acceleration

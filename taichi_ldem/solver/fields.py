@@ -67,6 +67,7 @@ class Features:
             own.
         volumetric: whether modules have an energy of their volume.
         density: whether every node has a mass of its own.
+        gravity: whether gravity acts on every node.
     """
 
     law: str | None = dataclasses.field(
@@ -135,6 +136,12 @@ class Features:
         "no disorder.density_cv",
         lambda scene: "density" in _varying(scene),
         lambda _: {"disorder": {"density_cv": 0.1, "seed": 1}},
+    )
+    gravity: bool = _feature(
+        "gravity on the plate",
+        "no plate.gravity",
+        lambda scene: any(scene.plate.gravity or ()),
+        lambda _: {"plate": {"gravity": [0.0, 0.0, -9.81]}},
     )
 
     @classmethod
@@ -333,6 +340,10 @@ def _codes(_: Layout) -> tuple[int, ...]:
     return (256,)
 
 
+def _one(_: Layout) -> tuple[int, ...]:
+    return (1,)
+
+
 def _families(layout: Layout) -> tuple[int, ...]:
     return (layout.cell.families,)
 
@@ -417,6 +428,7 @@ FIELDS = (
         present=_named("density")),
     Row("offset", "distance of a node from its place in the regular lattice, in module edges", "",
         _columns, "node axis", present=_named("perturbed")),
+    Row("gravity", "acceleration by gravity", "m/s2", _one, numbers=3, present=_named("gravity")),
 )  # fmt: skip
 """Every field of the lattice, in the order of allocation.
 

@@ -91,6 +91,12 @@ class NodeUpdate:
         force = self.force(s, axis, rows, at, step)
         before = self.state.velocity[s][axis][at.k, at.j, at.m]
         after = before + (step.kick * inverse_mass) * force
+        if ti.static(self.state.features.gravity):
+            # the same in all nodes to the last bit, so that a body in free fall is not strained
+            fall = step.kick * self.state.gravity[0][axis]
+            for lane in ti.static(range(self.state.lanes.width)):
+                if inverse_mass[lane] > 0:
+                    after[lane] += fall
         if ti.static(self.state.features.damping):
             # C = alpha M at the mean of the two velocities: implicit, but diagonal
             half = 0.5 * step.damping * step.kick

@@ -90,7 +90,7 @@ class Sampler:
         ti.loop_config(serialize=True)
         for _ in range(1):
             total = self.energies.sums()
-            for n in ti.static(range(5)):
+            for n in ti.static(range(self.energies.count)):
                 values[0, n] = total[n]
             for n in ti.static(range(len(self.bodies))):
                 for m in ti.static(range(4)):
@@ -103,7 +103,7 @@ class Sampler:
                 values[1 + n, NEAR] = self.bodies[n].count[1]
 
     def collected(self) -> tuple[Any, list[Reading]]:
-        """(5,) sums of the plate (see ``EnergySums``), and the readings of all bodies.
+        """Sums of the plate (see ``EnergySums.total``), and the readings of all bodies.
 
         Raises:
             TooManyNodes: more nodes came near a body than its list holds.

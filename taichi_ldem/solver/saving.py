@@ -66,9 +66,9 @@ def restore_state(simulation: "Simulation", saved: Saved) -> None:
     start, last = saved["ledger/start"], saved["ledger/last"]
     simulation.initial_ledger = Ledger(*(float(value) for value in start)) if len(start) else None
     simulation.last_sampled = float(last[0]) if len(last) else None
-    simulation.sampler.impulses = dict(
-        zip(simulation.sampler.impulses, saved["ledger/impulses"].tolist(), strict=True)
-    )
+    names = list(simulation.sampler.impulses)
+    simulation.sampler.start()
+    simulation.sampler.impulses |= zip(names, saved["ledger/impulses"].tolist(), strict=False)
     for name, part in _parts(simulation).items():
         prefix = f"{name}/"
         part.restore_state(
@@ -83,7 +83,8 @@ def _refuse_unfit(simulation: "Simulation", saved: Saved) -> None:
         raise ValueError(f"'{name}' is {'missing' if name in mine else 'not of this scene'}")
     for name, values in saved.items():
         own = mine[name]
-        free = name.endswith(("/nodes", "/before", "/start", "/last"))  # of any length
+        # of any length; a body that a later version has added has no impulse yet
+        free = name.endswith(("/nodes", "/before", "/start", "/last", "/impulses"))
         same = values.shape[1:] == own.shape[1:] if free else values.shape == own.shape
         if not same or values.ndim != own.ndim or values.dtype != own.dtype:
             raise ValueError(f"'{name}' has another shape or type")

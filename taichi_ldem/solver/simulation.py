@@ -16,7 +16,16 @@ from taichi_ldem.solver.build import build_dynamics, refill_dynamics
 from taichi_ldem.solver.contact import BODIES, in_order_of_resolving
 from taichi_ldem.solver.contact.kernels.body import LOSS_AFTER, LOSS_BEFORE, RigidBody
 from taichi_ldem.solver.dynamics import field_bytes
-from taichi_ldem.solver.energy import BROKEN, DAMPED, FRACTURE, KINETIC, STRAIN, EnergySums, Ledger
+from taichi_ldem.solver.energy import (
+    BROKEN,
+    DAMPED,
+    FRACTURE,
+    KINETIC,
+    STRAIN,
+    WORK,
+    EnergySums,
+    Ledger,
+)
 from taichi_ldem.solver.sampling import Sample, Sampler
 from taichi_ldem.solver.step import StepNumbers
 
@@ -58,12 +67,18 @@ class Simulation:
         self.dynamics, self.drawn = build_dynamics(scene, in_strips)
         one_by_one = self.dynamics.in_strips or scene.solver.arch == "vulkan"
         self.steps_a_launch = 1 if one_by_one else STEPS_A_LAUNCH
+        self.now = 0
         self._read_numbers()
+        self._set_off()
         self.bodies: list[RigidBody] = []
         for declared in in_order_of_resolving():
             body = declared.build(self.dynamics, scene, self.time_step)
             if body is not None:
                 self.bodies.append(body)
+        self.shared = len(self.bodies) > 1 and any(body.meets_others for body in self.bodies)
+        for part in self.bodies:
+            if self.shared and part.meets_others:
+                part.share_nodes()
         self.energies = EnergySums(self.dynamics)
         self.sampler = Sampler(self.bodies, self.energies)
         self._start_clock()
@@ -75,6 +90,13 @@ class Simulation:
         self.critical_time_step = stability.critical_time_step(self.dynamics)
         self.time_step, self.sample_every = self._choose_time_step()
         self.steps = round(self.scene.solver.duration / self.time_step)
+
+    def _set_off(self) -> None:
+        """Give the plate its velocity at t = 0, half a step back, where gravity already acts."""
+        plate, exists = self.scene.plate, self.dynamics.lattice.exists()
+        if plate.moves:
+            velocity = exists[..., None] * np.array(plate.velocity or (0.0, 0.0, 0.0))
+            self.start_from(np.zeros_like(velocity), velocity)
 
     def _start_clock(self) -> None:
         self.now, self.step_number = 0, 0
@@ -105,7 +127,9 @@ class Simulation:
                 raise ValueError(f"{body.name}: no other bodies can be added or taken away")
         self.drawn = refill_dynamics(self.dynamics, scene, lattice)
         self.scene = scene
+        self.now = 0
         self._read_numbers()
+        self._set_off()
         for part in self.bodies:
             part.reset(scene, self.time_step)
         self._start_clock()
@@ -144,7 +168,12 @@ class Simulation:
     @ti.func
     def _resolve(self, now, spacing, time_step, damping):
         for n in ti.static(range(len(self.bodies))):
+            self.bodies[n].begin()
+        for n in ti.static(range(len(self.bodies))):
             self.bodies[n].resolve(now, spacing, time_step, damping)
+        if ti.static(self.shared):
+            for n in ti.static(range(len(self.bodies))):
+                self.bodies[n].record()
 
     @ti.kernel
     def _contact(self, now: int, spacing: float, time_step: float, damping: float):
@@ -236,7 +265,7 @@ class Simulation:
             float(total[FRACTURE]),
             float(total[DAMPED]),
             sum(energies.contact for energies in own),
-            sum((energies.external for energies in own), 0.0),
+            sum((energies.external for energies in own), 0.0) + sum(total[WORK:].tolist()),
         )
         if self.initial_ledger is None:
             self.initial_ledger = ledger

@@ -160,7 +160,8 @@ def critical_time_step(dynamics: Dynamics) -> float:
     kept = vars(dynamics)  # another instance would compile its kernels anew
     if "estimate" not in kept:
         kept["estimate"] = Lanczos(dynamics)
-    return float(2 / np.sqrt(kept["estimate"].largest()))
+    with dynamics.weightless():
+        return float(2 / np.sqrt(kept["estimate"].largest()))
 
 
 def _least_peak_strain(dynamics: Dynamics) -> float:

@@ -5,7 +5,8 @@ Every field of sites has the shape S = (nz + 3, ny + 3, columns) and elements of
 table in ``fields`` lists all of them.
 """
 
-from collections.abc import Mapping
+import contextlib
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -133,6 +134,7 @@ class State:
     own_mass: list[ti.MatrixField]
     own_inverse_mass: list[ti.MatrixField]
     offset: list[list[ti.MatrixField]]
+    gravity: ti.MatrixField
 
     def __init__(self, lattice: Lattice, features: Features, in_strips: bool | None = None):
         """``in_strips``: whether the passes are driven in strips; None: as suits the backend."""
@@ -263,6 +265,23 @@ class State:
         nz, ny, nx = self.lattice.mask.shape
         values = self.lanes.gather(field.to_numpy())[1 : 1 + nz, 1 : 1 + ny, 1 : 1 + nx]
         return np.asarray(values[self.lattice.mask], dtype=np.float64)
+
+    def set_gravity(self, gravity: Sequence[float]) -> None:
+        """Set the acceleration by gravity, (3,) m/s2."""
+        self.gravity.from_numpy(np.array([gravity], dtype=numpy_float()))
+
+    @contextlib.contextmanager
+    def weightless(self) -> Iterator[None]:
+        """Without gravity: a step is then the operator of the bars alone."""
+        if not self.features.gravity:
+            yield
+            return
+        kept = self.gravity.to_numpy()
+        self.gravity.fill(0)
+        try:
+            yield
+        finally:
+            self.gravity.from_numpy(kept)
 
     def masses(self) -> npt.NDArray[np.float64]:
         """(sublattices, *S) masses of all nodes, kg; 0 where there is none."""

@@ -41,8 +41,11 @@ scene = block_scene(
     16, 16, 3,
     material=DAMAGE | {"poisson_ratio": 0.36} | (CRACK if precision == "f32" else {}),
     disorder={"fracture_energy_cv": 0.3, "youngs_modulus_cv": 0.1, "density_cv": 0.1, "seed": 5},
-    striker={"diameter": 2e-3, "mass": 1e-3, "velocity": 6.0, "gravity": 9.81, "gap": 2e-5},
-    clamp={"kind": clamp, "inner_diameter": 5.2e-3, "outer_diameter": 7.6e-3},
+    plate={"gravity": [1e3, 0.0, -1e4], "velocity": [0.0, 0.1, 0.0]},
+    striker={"diameter": 2e-3, "mass": 1e-3, "velocity": 6.0, "gravity": 9.81, "gap": 2e-5,
+             "friction": 0.2},
+    clamp={"kind": clamp, "inner_diameter": 5.2e-3, "outer_diameter": 7.6e-3, "friction": 0.3},
+    floor={"gap": 1e-5, "friction": 0.4},
     solver={"duration": 1.2e-4, "precision": precision, "damping": damping, "threads": 1},
     output={"history_interval": 2e-6},
     notch=[{"normal": "x", "position": 1e-3, "from": [-4e-3, 0], "to": [-2e-3, 1e-3]}],
@@ -68,13 +71,16 @@ def between():
         saved.append((simulation.step_number, len(rows), content))
 
 wanted = range(0, 10**6, 64)
-broken, force = [], []
+broken, force, floor = [], [], []
 for sample in simulation.samples(between):
     rows.append(values(sample))
     broken.append(sample.broken_bars)
     force.append(sample.observed["striker_force_n"])
+    floor.append(sample.observed["floor_force_n"])
 whole = end(simulation)
 assert broken[-1] > 20 and force[1] == 0 and max(force) > 1, (broken, force)
+assert floor[0] == 0 and max(floor) > 1, floor
+assert max(row[-9] for row in rows) < 5e-3, rows  # the energy error
 
 kinds = set()
 simulation.reset(scene)  # instead of a second simulation, which would compile all kernels again

@@ -221,6 +221,7 @@ DUMBBELL = (CONFIGS / "tension_quick.toml").read_text()
         ("plate.angle=100", "plate.angle = 100: must be at most 90"),
         ("scenario=impact", 'scenario = "impact": takes no table [grips]'),
         ("clamp.kind=free", 'scenario = "tension": takes no table [clamp]'),
+        ("floor.gap=0.0", 'scenario = "tension": takes no table [floor]'),
     ],
 )
 def test_bad_specimens_are_refused(

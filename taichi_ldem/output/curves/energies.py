@@ -61,15 +61,19 @@ def energy(run: LoadedRun) -> tuple[Panel, ...]:
 
 
 def _given(run: LoadedRun) -> Iterator[Curve]:
-    """The energy that the plate was given: by the striker, gravity or the grips."""
-    history, external = run.history, run.history.get("external_j")
+    """The energy that the plate had or was given: by the striker, gravity or the grips."""
+    history, given = run.history, {}
+    if any(run.scene.plate.velocity or ()):
+        given["plate at the start"] = np.full(run.rows, history["kinetic_plate_j"][0])
     if "kinetic_striker_j" in history:
         kinetic = history["kinetic_striker_j"]
-        label = "given up by the striker" if external is None else "striker and gravity"
-        work = 0.0 if external is None else external
-        yield Curve(run.time_ms, kinetic[0] - kinetic + work, label, GREY, dash="dash")
-    elif external is not None:
-        yield Curve(run.time_ms, external, "work of the grips", GREY, dash="dash")
+        given["given up by the striker"] = kinetic[0] - kinetic
+    if "external_j" in history:
+        by = "grips" if run.scene.grips is not None else "gravity"
+        given[f"work of {by}"] = history["external_j"]
+    if given:
+        total = np.sum(list(given.values()), axis=0)
+        yield Curve(run.time_ms, total, " + ".join(given), GREY, dash="dash")
 
 
 def _received(run: LoadedRun) -> Iterator[Curve]:

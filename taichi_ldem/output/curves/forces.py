@@ -29,6 +29,7 @@ from taichi_ldem.output.curves.chart import (
 )
 from taichi_ldem.output.curves.times import times_of
 from taichi_ldem.output.loaded import LoadedRun
+from taichi_ldem.solver.contact import BODIES
 
 _MS, _MM = 1e3, 1e3
 _TIME = "time [ms]"
@@ -91,9 +92,10 @@ def _other_bodies(run: LoadedRun) -> list[Curve]:
     """Averaged forces of all rigid bodies but the striker that the history has."""
     names = [c for c in run.history if c.endswith(_FORCE) and c != "striker_force_n"]
     curves = []
+    plural = {o.column: body.name for body in BODIES for o in body.observables}
     for number, name in enumerate(names):
         sign = f", positive {positive}" if (positive := named(name).positive) else ""
-        label = f"{name.removesuffix(_FORCE)}s, {_average(run)}{sign}"
+        label = f"{plural[name]}, {_average(run)}{sign}"
         curves.append(Curve(run.time_ms, _averaged(run, name), label, _OTHER_BODIES[number % 3], 1))
     return curves
 
@@ -131,6 +133,17 @@ def experiments_force() -> list[Element]:
         Point(t1, paper.P1_N, label, RED, "diamond", hollow=True),
         Box("experiments, P2 and t2", (first, last), paper.P2_N, opacity=0.15),
     ]
+
+
+def floor_force(run: LoadedRun) -> tuple[Panel, ...]:
+    """Force of the floor over time, as sampled and averaged."""
+    sampled, smooth = run.history["floor_force_n"], _averaged(run, "floor_force_n")
+    elements: list[Element] = [
+        Curve(run.time_ms, sampled, "floor, as sampled", PALE, 0.6),
+        Curve(run.time_ms, smooth, f"floor, {_average(run)}", BLUE, 2.4),
+        times_of(run, "energy"),
+    ]
+    return (Panel("floor_force", "Floor force", _TIME, "force [N]", elements, x_range=whole(run)),)
 
 
 def force_displacement(run: LoadedRun) -> tuple[Panel, ...]:

@@ -61,6 +61,7 @@ def _has_growth(run: LoadedRun) -> bool:
 
 FIGURES: dict[str, Figure] = {
     "force": Figure("Striker force", _has("striker_force_n"), panels=forces.force),
+    "floor_force": Figure("Floor force", _has("floor_force_n"), panels=forces.floor_force),
     "force_displacement": Figure(
         "Force over displacement", _has("support_force_n"), panels=forces.force_displacement
     ),

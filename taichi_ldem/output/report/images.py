@@ -54,7 +54,8 @@ def snapshots(run: LoadedRun, most: int) -> tuple[list[Snapshots], str]:
         return [], ""
     chosen = np.unique(np.linspace(0, len(stored) - 1, min(most, len(stored))).round().astype(int))
     times = [float(stored[step]) for step in chosen]
-    views = ("below", "above") if scene.striker is not None and not run.is_beam else ("above",)
+    struck = (scene.striker is not None or scene.floor is not None) and not run.is_beam
+    views = ("below", "above") if struck else ("above",)
     with tempfile.TemporaryDirectory() as scratch:
         try:
             found = []

@@ -111,6 +111,8 @@ def lead(run: LoadedRun) -> str:
     text = f"{x:.1f} x {y:.1f} x {z:.2f} mm as {nx} x {ny} x {nz} modules"
     if scene.striker is not None:
         text += f", struck by {scene.striker.mass:g} kg at {scene.striker.velocity:g} m/s"
+    if any(scene.plate.velocity or ()):
+        text += f", thrown at {math.hypot(*scene.plate.velocity or ()):g} m/s"
     text += _random(scene, run.folder)
     if not run.summary and run.rows:
         end = run.history["time_s"][-1]

@@ -1,4 +1,4 @@
-"""Rigid bodies against the lattice: the striker, the clamp, the grips and the supports.
+"""Rigid bodies against the lattice: striker, clamp, grips, supports and floor.
 
 A body consists of a declaration in this package (its name, its table of the scene, its columns of
 the history, its drawing), which imports no Taichi, and of its kernels in ``kernels``.
@@ -7,6 +7,7 @@ The tuple below is the only list of the bodies: simulation, history and pictures
 
 from taichi_ldem.scene import Scene
 from taichi_ldem.solver.contact.declaration import Body, Observable
+from taichi_ldem.solver.contact.floor import FLOOR
 from taichi_ldem.solver.contact.grips import GRIPS
 from taichi_ldem.solver.contact.rings import RINGS
 from taichi_ldem.solver.contact.striker import STRIKER
@@ -14,9 +15,9 @@ from taichi_ldem.solver.contact.supports import SUPPORTS
 
 __all__ = ["BODIES", "Body", "Observable", "bodies_of", "in_order_of_resolving", "observables"]
 
-BODIES: tuple[Body, ...] = (STRIKER, RINGS, GRIPS, SUPPORTS)
+BODIES: tuple[Body, ...] = (STRIKER, RINGS, GRIPS, SUPPORTS, FLOOR)
 """All bodies, in the order of their columns in the history and of their impulses in a checkpoint.
-"""
+A new one comes last: checkpoints that were written before have a zero in its place."""
 
 
 def bodies_of(scene: Scene) -> list[Body]:

@@ -52,6 +52,12 @@ class Body:
         """The scene's table of the body; None where the scene has no such body."""
         raise NotImplementedError
 
+    def without_friction(self, scene: Scene) -> str:
+        """How ``ldem info`` names the friction that a body of the scene could have; or nothing."""
+        if getattr(self.table(scene), "friction", None) != 0:
+            return ""
+        return f"friction of the {self.name} (friction = 0)"
+
     def works(self, scene: Scene) -> bool:
         """Whether work is done on the body from outside, the history's ``external_j``."""
         return False

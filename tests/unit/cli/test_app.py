@@ -209,6 +209,34 @@ BAD = {
         'scenario = "impact"\nsupports = { span = 0.01, diameter = 0.011 }',
         "supports.diameter = 0.011: must be at most supports.span = 0.01",
     ),
+    "negative_friction": Bad(
+        "mass = 18.49",
+        "mass = 18.49\nfriction = -0.1",
+        "striker.friction = -0.1: must be at least 0",
+    ),
+    "friction_of_rings": Bad(
+        'kind = "rings"', 'kind = "rings"\nfriction = -1', "clamp.friction = -1: must be at least 0"
+    ),
+    "floor_in_the_plate": Bad(
+        'scenario = "impact"',
+        'scenario = "impact"\nfloor = { gap = -0.001 }',
+        "floor.gap = -0.001: must be at least 0",
+    ),
+    "friction_of_the_floor": Bad(
+        'scenario = "impact"',
+        'scenario = "impact"\nfloor = { friction = -0.5 }',
+        "floor.friction = -0.5: must be at least 0",
+    ),
+    "gravity_without_direction": Bad(
+        "modules_through_thickness = 6",
+        "modules_through_thickness = 6\ngravity = 9.81",
+        "plate.gravity = 9.81: must be a list of 3 numbers",
+    ),
+    "velocity_in_the_plane": Bad(
+        "modules_through_thickness = 6",
+        "modules_through_thickness = 6\nvelocity = [1.0, 0.0]",
+        "plate.velocity = [1.0, 0.0]: must be a list of 3 numbers",
+    ),
     "factor_and_strain": Bad(
         "failure_factor = 31.45",
         "failure_factor = 31.45\nfailure_strain = 0.0175",

@@ -1,3 +1,4 @@
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,7 @@ from taichi_ldem.model import material as mat
 from taichi_ldem.model.lattice import Lattice, prism
 
 if TYPE_CHECKING:
+    from taichi_ldem.scene import Scene
     from taichi_ldem.solver.simulation import Simulation
 
 STIFFNESS = mat.axial_stiffness(PMMA["youngs_modulus"], PMMA["poisson_ratio"], SPACING)
@@ -26,6 +28,7 @@ class Hit:
         distance: (n, nodes) of all nodes to the striker's surface at the end of each step, m.
         impulses: (n, nodes, 3) of the contact, from the nodes' motion and the bars' forces, N s.
         normals: (n, nodes, 3) of the striker's surface towards the nodes.
+        slips: (n, nodes, 3) velocities of the nodes relative to the striker, m/s.
         momentum: (n,) plate and striker along the striker's way, kg m/s.
         velocity: (n,) of the striker, m/s.
         errors: (n,) imbalance of the ledger over the initial energy.
@@ -33,7 +36,9 @@ class Hit:
 
     place, gap, steps = (0.3e-3, -0.2e-3), 1e-6, 300
 
-    def __init__(self, mass: float, speed: float, radius: float, depth: float = 0.0) -> None:
+    def __init__(
+        self, mass: float, speed: float, radius: float, depth: float = 0.0, friction: float = 0.0
+    ) -> None:
         from taichi_ldem.solver.simulation import Simulation
 
         self.mass, self.speed, self.radius = mass, speed, radius
@@ -43,6 +48,7 @@ class Hit:
             "velocity": self.speed,
             "position": self.place,
             "gap": self.gap,
+            "friction": friction,
         }
         self.simulation = s = Simulation(block_scene(8, 8, 3, striker=striker))
         self.body = body = Body(s.dynamics.lattice.mask, SPACING)
@@ -65,6 +71,7 @@ class Hit:
                     length - radius,
                     masses * (velocity - free),
                     away / length[:, None],
+                    velocity + np.array([0.0, 0.0, speed]),
                     self.mass * speed - (masses * velocity).sum(axis=0)[2],
                     speed,
                     sample.energy_error,
@@ -72,8 +79,8 @@ class Hit:
                 )
             )
         columns = [np.array(column) for column in zip(*rows, strict=True)]
-        self.distance, self.impulses, self.normals, self.momentum = columns[:4]
-        self.velocity, self.errors, self.lost = columns[4:]
+        self.distance, self.impulses, self.normals, self.slips = columns[:4]
+        self.momentum, self.velocity, self.errors, self.lost = columns[4:]
 
     def _from_axis(self, place: np.ndarray, travelled: float) -> np.ndarray:
         """Hemisphere under a shaft: vectors from the nearest point of the shaft's axis."""
@@ -140,6 +147,33 @@ def test_a_node_that_is_inside_gets_nothing_but_what_stops_it_there(taichi: None
     assert hit.lost.max() < energy
     assert hit.errors.max() < 5e-4
     np.testing.assert_allclose(hit.momentum, hit.mass * hit.speed, rtol=1e-12)
+
+
+def test_friction_of_the_striker_is_coulombs(taichi: None) -> None:
+    friction = 0.1
+    hit = Hit(*LIGHT, friction=friction)
+    size = np.linalg.norm(hit.impulses, axis=2)
+    touched = size > 1e-6 * hit.mass * hit.speed
+
+    def split(vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Components along the normals, and the vectors across, of the nodes that touch."""
+        along = (vectors * hit.normals).sum(axis=2)
+        return along[touched], (vectors - along[..., None] * hit.normals)[touched]
+
+    pushed, rubbed = split(hit.impulses)
+    _, slip = split(hit.slips)
+    share = np.linalg.norm(rubbed, axis=1) / pushed
+    assert (pushed > 0).all()
+    assert share.max() < friction * (1 + 1e-3)  # a step along the tangent turns the normal a bit
+    slides = share > friction * (1 - 1e-3)
+    assert slides.any()
+    assert (~slides).any()
+    assert ((rubbed * slip).sum(axis=1)[slides] < 0).all()
+    assert np.linalg.norm(slip[~slides], axis=1).max() < 1e-3 * hit.speed
+    assert hit.distance.min() > -1e-5 * SPACING  # its equation is linearised about free flight
+    np.testing.assert_allclose(hit.momentum, hit.mass * hit.speed, rtol=1e-12)
+    assert hit.errors.max() < 5e-4
+    assert 0 < hit.lost[-1] < 0.5 * hit.mass * hit.speed**2
 
 
 # -- a striker that comes to rest on a plate between rings -----------------------------------------
@@ -220,6 +254,16 @@ def test_impulses_of_contact_and_damping_change_the_momentum(pressed: "Simulatio
         before, given = after, total
 
 
+def test_a_checkpoint_from_before_there_was_a_floor_is_taken(pressed: "Simulation") -> None:
+    pressed.sample_step()
+    saved = pressed.saved_state()
+    whole = pressed.sampler.impulses
+    assert list(whole)[-1] == "floor"
+    pressed.restore_state(saved | {"ledger/impulses": saved["ledger/impulses"][:-1]})
+    assert pressed.sampler.impulses == whole
+    assert whole["striker"] != 0
+
+
 @pytest.mark.slow  # one kernel of four unrolled steps takes a minute to compile
 def test_several_steps_a_launch_are_the_same_steps(taichi: None) -> None:
     """As a GPU takes them: whole passes, four steps a kernel, over a new listing of nodes."""
@@ -229,8 +273,10 @@ def test_several_steps_a_launch_are_the_same_steps(taichi: None) -> None:
         10,
         10,
         2,
-        striker={"diameter": 2e-3, "mass": 1e-4, "velocity": 5.0},
+        plate={"gravity": [1e3, 0.0, -1e4]},
+        striker={"diameter": 2e-3, "mass": 1e-4, "velocity": 5.0, "friction": 0.2},
         clamp={"kind": "rings", "inner_diameter": 3.2e-3, "outer_diameter": 4.8e-3},
+        floor={"gap": 1e-6, "friction": 0.4},
     )
     ends = []
     for in_strips in (True, False):
@@ -241,9 +287,119 @@ def test_several_steps_a_launch_are_the_same_steps(taichi: None) -> None:
     np.testing.assert_array_equal(ends[0][0], ends[1][0])
     assert ends[0][1] == ends[1][1]
     assert ends[0][2].observed["striker_force_n"] == ends[1][2].observed["striker_force_n"] > 1
-    assert ends[0][2].observed["ring_force_n"] == ends[1][2].observed["ring_force_n"]
+    for column in ("ring_force_n", "floor_force_n"):
+        assert ends[0][2].observed[column] == ends[1][2].observed[column] != 0
     for one, two in zip(*(vars(end[2].ledger).values() for end in ends), strict=True):
         assert one == pytest.approx(two, rel=1e-13)  # summed in another order
+
+
+# -- striker, rings and floor at once --------------------------------------------------------------
+
+RUBBED = 0.2
+
+
+def _between(**material: float) -> "Scene":
+    """A plate between rings and above a floor, struck; all three bodies rub."""
+    return block_scene(
+        8,
+        8,
+        2,
+        material=material,
+        striker={"diameter": 1.6e-3, "mass": 2e-6, "velocity": 20.0, "friction": 0.3},
+        clamp={
+            "kind": "rings",
+            "inner_diameter": 2.1e-3,
+            "outer_diameter": 3.8e-3,
+            "friction": RUBBED,
+        },
+        floor={"gap": 1e-4, "friction": 0.5},
+        solver={"time_step": 1e-7},
+    )
+
+
+@pytest.fixture(scope="module")
+def between(taichi: None) -> "Simulation":
+    from taichi_ldem.solver.simulation import Simulation
+
+    return Simulation(_between())
+
+
+def _rubs_by_no_more_than(
+    simulation: "Simulation", friction: float, under: Callable[[np.ndarray], np.ndarray]
+) -> np.ndarray:
+    """Shares of friction in what a body pushes nodes along z; Coulomb's law and the ledger hold.
+
+    Args:
+        under: whether each of (nodes, 3) places is such a node's.
+    """
+    s = simulation
+    body = Body(s.dynamics.lattice.mask, SPACING)
+    masses = MODULE_MASS * body.mass_shares[:, None]
+    chosen = under(body.positions)
+    displaced, velocity = np.zeros((2, *body.positions.shape))
+    rows, errors = [], []
+    for _ in range(200):
+        errors.append(s.sample_step().energy_error)
+        free = velocity + s.time_step * body.forces(displaced, STIFFNESS) / masses
+        velocity = s.dynamics.get_velocity()[body.index]
+        displaced = s.displacement()[body.index]
+        rows.append((masses * (velocity - free))[chosen])
+    pushed, rubbed = np.abs(np.array(rows)[..., 2]), np.hypot(*np.array(rows)[..., :2].T).T
+    held = pushed > 1e-6 * pushed.max()
+    share = rubbed[held] / pushed[held]
+    assert share.max() < friction * (1 + 1e-3)
+    assert np.count_nonzero(share > friction * (1 - 1e-3)) > 10  # these slip
+    assert max(errors) < 5e-4
+    return np.asarray(share)
+
+
+@pytest.mark.slow
+def test_rings_with_friction_hold_by_no_more_than_it(between: "Simulation") -> None:
+    between.reset(_between())
+
+    def under_rings(places: np.ndarray) -> np.ndarray:
+        radius = np.hypot(*places[:, :2].T)
+        return (radius > 1.3e-3) & (radius < 1.8e-3)
+
+    share = _rubs_by_no_more_than(between, RUBBED, under_rings)
+    assert np.count_nonzero(share < 0.9 * RUBBED) > 10  # not all of them slip
+    assert between.contact_loss("rings") > 0
+
+
+@pytest.mark.slow  # its kernels are of their own
+def test_supports_with_friction_hold_by_no_more_than_it(taichi: None) -> None:
+    from taichi_ldem.solver.simulation import Simulation
+
+    scene = block_scene(
+        12,
+        3,
+        2,
+        striker={"shape": "cylinder", "diameter": 2e-3, "mass": 2e-6, "velocity": 20.0},
+        supports={"span": 4e-3, "diameter": 2e-3, "friction": RUBBED},
+        solver={"time_step": 1e-7},
+    )
+    simulation = Simulation(scene)
+
+    def above_an_axis(places: np.ndarray) -> np.ndarray:
+        return (places[:, 2] < 1e-9) & (np.abs(np.abs(places[:, 0]) - 2e-3) < 1e-9)
+
+    _rubs_by_no_more_than(simulation, RUBBED, above_an_axis)
+    assert simulation.contact_loss("supports") > 0
+
+
+@pytest.mark.slow
+def test_nodes_between_striker_and_floor_are_counted_once(between: "Simulation") -> None:
+    """Of a material that carries nothing: the striker carries nodes until they are on the floor."""
+    s = between
+    s.reset(_between(youngs_modulus=1e2))
+    errors = [s.sample_step().energy_error for _ in range(900)]
+    masses = s.dynamics.masses()
+    height = s.dynamics.lattice.positions()[..., 2] + s.displacement()[..., 2]
+    travelled = s.body("striker").motion()[0]
+    assert travelled > 2 * SPACING + 1e-4  # it is below the floor, and nodes are not
+    assert height[masses > 0].min() == pytest.approx(-1e-4, rel=1e-9)
+    assert s.contact_loss("floor") > 0
+    assert max(errors) < 1e-6
 
 
 # -- bonded faces ----------------------------------------------------------------------------------

@@ -229,6 +229,10 @@ def test_a_reset_simulation_runs_as_a_fresh_one_to_the_last_bit(taichi: None) ->
         ({"material": {"law": "exponential"}}, "law: exponential needs other kernels"),
         ({"striker": {"shape": "cylinder"}}, "striker: cylinder needs other kernels"),
         ({"clamp": {"kind": "bonded"}}, "rings: fixed nodes needs other kernels"),
+        ({"striker": {"friction": 0.3}}, r"striker: friction = 0\.3 needs other kernels than 0"),
+        ({"clamp": {"friction": 0.0}}, "rings: friction = 0 needs other kernels than inf"),
+        ({"plate": {"gravity": [0.0, 0.0, -9.81]}}, "gravity: True needs other kernels"),
+        ({"floor": {}}, "floor: no other bodies can be added"),
         ({"plate": {"modules_through_thickness": 3}}, "plate: .* need other fields"),
         ({"solver": {"precision": "f32"}}, r"solver\.precision: "),
         ({"supports": {"span": 4e-3, "diameter": 1e-3}, "clamp": {"kind": "free"}}, "rings: no"),
@@ -258,11 +262,14 @@ precision, threads, variant, out = sys.argv[1], int(sys.argv[2]), *sys.argv[3:]
 variants = {"gone": {}, "closing": {"after_failure": "closing"}}
 variants["crack"] = variants["closing"] | {"fracture": "crack"}
 variants["volumes"] = variants["crack"] | {"poisson_ratio": 0.36}
+rubs = {"friction": 0.3} if variant == "floor" else {}
+below = {"floor": {"gap": 1e-5} | rubs, "plate": {"gravity": [1e3, 0.0, -1e4]}} if rubs else {}
 scene = block_scene(
     16, 16, 3,
-    material=DAMAGE | variants[variant],
-    striker={"diameter": 2e-3, "mass": 1e-3, "velocity": 6.0, "gravity": 9.81},
-    clamp={"kind": "rings", "inner_diameter": 5.2e-3, "outer_diameter": 7.6e-3},
+    material=DAMAGE | variants.get(variant, {}),
+    striker={"diameter": 2e-3, "mass": 1e-3, "velocity": 6.0, "gravity": 9.81} | rubs,
+    clamp={"kind": "rings", "inner_diameter": 5.2e-3, "outer_diameter": 7.6e-3} | rubs,
+    **below,
     solver={"duration": 1.5e-4, "precision": precision, "threads": threads},
     output={"history_interval": 1e-6},
 )
@@ -318,8 +325,8 @@ def test_the_number_of_threads_changes_no_bit(runs: Runs, precision: str) -> Non
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("variant", ["closing", "crack", "volumes"])
-def test_variants_of_fracture_keep_bits_and_energy(runs: Runs, variant: str) -> None:
+@pytest.mark.parametrize("variant", ["closing", "crack", "volumes", "floor"])
+def test_variants_keep_bits_and_energy(runs: Runs, variant: str) -> None:
     one, two, gone = runs[f"f64-1-{variant}"], runs[f"f64-2-{variant}"], runs["f64-2-gone"]
     for name in one:
         np.testing.assert_array_equal(one[name], two[name])

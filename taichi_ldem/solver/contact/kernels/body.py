@@ -13,11 +13,16 @@ over chunks of the list, then over the chunks, one after the other in f64, so th
 depend on the number of threads. On a GPU, where one thread is slow, a body at rest accumulates its
 chunks' sums over the steps and adds them up only for a sample.
 
+Friction is Coulomb's, exactly in every step: the tangential impulse on a node is what stops its
+sliding along the body, but at most the coefficient times the normal impulse. A body without
+friction compiles nothing of it.
+
 Discrete energy: with kinetic energy 1/2 v(n-1/2) M v(n+1/2), a force F at t_n does the work
 dt F (v(n-1/2) + v(n+1/2)) / 2, one half before t_n and one half after. The two halves are kept
 apart, so that the ledger is exact at the sampled time itself.
 """
 
+import math
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -54,12 +59,19 @@ class Layout:
         capacity: nodes that its list has room for.
         kind: choices that are compiled into its kernels.
         nodes: (n,) node numbers listed from the start, flat over (sublattices, *S).
+        friction: coefficient of friction; infinite where nodes do not slip.
     """
 
     numbers: Sequence[float]
     capacity: int
     kind: Hashable = None
     nodes: npt.NDArray[np.int32] | None = None
+    friction: float = 0.0
+
+    @property
+    def rubs(self) -> bool:
+        """Whether a coefficient decides which nodes slip."""
+        return 0 < self.friction < math.inf
 
 
 @dataclass(frozen=True)
@@ -102,6 +114,10 @@ class RigidBody(NearbyNodes):
     Attributes:
         name: of the body's declaration.
         numbers: parameters of the body, f64, SI units.
+        rubs: whether a coefficient decides which nodes slip.
+        friction: (1,) f64, the coefficient; only where ``rubs``.
+        free: velocity of each listed node at the end of the step, m/s, before any body was
+            resolved; only where ``shared``.
         chunk_sums: (chunks,) 4-vectors in f64.
         group_sums: (groups,) 4-vectors in f64, on a GPU.
         sums: (4,) f64 since the start: impulse on the plate along z (N s); half-step work on the
@@ -113,13 +129,22 @@ class RigidBody(NearbyNodes):
     needs_sums: ClassVar[bool] = False
     """Whether the body's own motion needs the chunks' sums in every step."""
 
+    meets_others: ClassVar[bool] = False
+    """Whether another body may press nodes against this one, which is then resolved after it."""
+
     state: Any = None
     """The field of the body's own motion, if it has any."""
+
+    shared = False
+    """Whether the scene has other bodies that may press nodes against this one."""
 
     def __init__(self, dynamics: Dynamics, layout: Layout):
         super().__init__(dynamics, layout.capacity)
         self.layout = layout
         self.numbers = field_apart(ti.f64, len(layout.numbers))
+        self.rubs = layout.rubs
+        if self.rubs:
+            self.friction = field_apart(ti.f64, 1)
         self.chunk_sums = field_apart(ti.f64, self.capacity // CHUNK + 1, 4)
         self.sums = field_apart(ti.f64, 4)
         self.accumulates = not (dynamics.on_cpu or self.needs_sums)
@@ -129,6 +154,8 @@ class RigidBody(NearbyNodes):
 
     def _fill(self, layout: Layout) -> None:
         self.numbers.from_numpy(np.array(layout.numbers, dtype=np.float64))
+        if self.rubs:
+            self.friction.fill(layout.friction)
         if layout.nodes is not None:
             self.set_nodes(layout.nodes)
 
@@ -158,6 +185,13 @@ class RigidBody(NearbyNodes):
         if layout.kind != self.layout.kind:
             raise ValueError(
                 f"{self.name}: {layout.kind} needs other kernels than {self.layout.kind}"
+            )
+        if layout.rubs != self.rubs or math.isinf(layout.friction) != math.isinf(
+            self.layout.friction
+        ):
+            raise ValueError(
+                f"{self.name}: friction = {layout.friction:g} needs other kernels than "
+                f"{self.layout.friction:g}"
             )
         if layout.capacity > self.capacity:
             raise ValueError(
@@ -228,6 +262,22 @@ class RigidBody(NearbyNodes):
             self._add_up()
         return self.sums.to_numpy()
 
+    # -- together with other bodies
+    # -------------------------------------------------------------------------------------
+
+    def share_nodes(self) -> None:
+        """Prepare for other bodies that press nodes against this one."""
+        self.shared = True
+        self.free = ti.Vector.field(3, float, shape=self.capacity)
+
+    @ti.func
+    def begin(self):
+        """Keep the velocities before any body is resolved, where other bodies share nodes."""
+        if ti.static(self.shared):
+            for number in range(self.count[0]):
+                s, k, j, i = self.site_of(number)
+                self.free[number] = self.dynamics.node_velocity(s, k, j, i)
+
     # -- a node's place and motion
     # -------------------------------------------------------------------------------------
 
@@ -270,8 +320,29 @@ class RigidBody(NearbyNodes):
             drag = damping * self.dynamics.node_mass(s, k, j, i) * mean
             path = ti.cast(time_step * (velocity - free), float)
             self.dynamics.add_damped(s, k, j, i, drag.dot(path))
-        works = 0.5 * impulse.dot(before), 0.5 * impulse.dot(velocity)
-        return vec3d(self.component(impulse), works[0], works[1])
+        works = vec3d(
+            self.component(impulse), 0.5 * impulse.dot(before), 0.5 * impulse.dot(velocity)
+        )
+        if ti.static(self.shared):
+            # other bodies have counted their work up to a velocity that is not the node's last
+            others = free - ti.cast(self.free[number], ti.f64)
+            mass = self.inertia(s, k, j, i, time_step, damping)
+            works.z += 0.5 * mass * others.dot(velocity - free)
+        return works
+
+    @ti.func
+    def braking(self, slid, pushed):
+        """Share of a node's sliding that friction stops.
+
+        Args:
+            slid: way that the node would slide along the body in this step, m.
+            pushed: way that the body pushes it along its normal, m; the impulses of both have the
+                same inertia.
+        """
+        way, share = slid.norm(), ti.cast(1.0, ti.f64)
+        if way > self.friction[0] * pushed:
+            share = self.friction[0] * pushed / way
+        return share
 
     # -- sums
     # -------------------------------------------------------------------------------------

@@ -110,6 +110,11 @@ class NearbyNodes:
     @ti.kernel
     def record_velocities(self):
         """Record the velocities of the listed nodes as those at the end of the last step."""
+        self.record()
+
+    @ti.func
+    def record(self):
+        """``record_velocities`` within a kernel."""
         for number in range(self.count[0]):
             s, k, j, i = self.site_of(number)
             self.before[number] = self.dynamics.node_velocity(s, k, j, i)

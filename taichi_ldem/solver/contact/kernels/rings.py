@@ -62,14 +62,19 @@ def refuse_narrow(clamp: "Clamp", spacing: float) -> None:
 class Rings(RigidBody):
     """The holder of the plate: rigid rings on both faces, or permanently fixed nodes.
 
-    Rings: a node between the two circles that would cross the plane of a face stays on it, without
-    slip, for as long as it is pressed against it; it separates freely. A node that gets beyond a
-    face's plane through the opening does not touch the ring. Bonded, rim: listed nodes never move.
+    Rings: a node between the two circles that would cross the plane of a face stays on it for as
+    long as it is pressed against it, without slip unless the scene gives a coefficient of
+    friction; it separates freely. A node that gets beyond a face's plane through the opening does
+    not touch the ring. Bonded, rim: listed nodes never move.
+
+    Attributes:
+        slip: whether nodes may slide along the rings.
     """
 
     def __init__(self, dynamics: Dynamics, scene: "Scene", time_step: float):
         layout = self.layout_of(dynamics, scene)
         self.listed_anew = layout.kind == "rings"
+        self.slip = layout.friction < math.inf
         super().__init__(dynamics, layout)
 
     @classmethod
@@ -95,12 +100,13 @@ class Rings(RigidBody):
                 f"clamp.inner_diameter = {clamp.inner_diameter}: the clamp holds no node"
             )
         if clamp.kind != "rings":
-            return Layout(numbers, len(fixed), "fixed nodes", fixed)
+            return Layout(numbers, len(fixed), "fixed nodes", fixed, math.inf)
         # Rings that separate: the nodes between the circles through the whole thickness. On a
         # small plate all nodes, as fast debris may come near.
         nodes = int(np.count_nonzero(dynamics.lattice.exists()))
         through = max(len(fixed) * dynamics.sites[0], 10_000)
-        return Layout(numbers, min(through, nodes), "rings", fixed)
+        friction = math.inf if clamp.friction is None else clamp.friction
+        return Layout(numbers, min(through, nodes), "rings", fixed, friction)
 
     @ti.func
     def near(self, position, margin):
@@ -128,7 +134,18 @@ class Rings(RigidBody):
                     held, old.z = True, -above
                 elif below + new.z < 0 and below + old.z >= -slack:
                     held, old.z = True, -below
+        if ti.static(self.slip):
+            if held:
+                old = self.slid(old, new)
         return held, old
+
+    @ti.func
+    def slid(self, held, free):
+        """Displacement of a node on a ring: between its places without slip and in free flight."""
+        way = vec3d(free.x - held.x, free.y - held.y, 0.0)
+        if ti.static(self.rubs):
+            way -= self.braking(way, ti.abs(free.z - held.z)) * way
+        return held + way
 
     @ti.func
     def resolve(self, now, spacing, time_step, damping):

@@ -13,7 +13,7 @@ from taichi_ldem.solver.contact.kernels.body import (
 )
 from taichi_ldem.solver.contact.kernels.nearby import vec3d
 from taichi_ldem.solver.contact.kernels.surface import (
-    FrictionlessBody,
+    SurfaceBody,
     list_capacity,
     refuse_unseen,
 )
@@ -30,12 +30,13 @@ DISPLACEMENT, VELOCITY, VELOCITY_BEFORE, TRIAL = range(4)
 
 
 @ti.data_oriented
-class Striker(FrictionlessBody):
-    """Rigid nose on a shaft of its own diameter; moves along -z, frictionless.
+class Striker(SurfaceBody):
+    """Rigid nose on a shaft of its own diameter; moves along -z.
 
     The step is implicit in the striker's velocity: with all touching nodes on its surface their
     impulses are linear in its change of velocity, one scalar equation. A light striker is
-    therefore as stable as a heavy one.
+    therefore as stable as a heavy one. With friction the equation is linearised about the free
+    flight: nodes stick or slide as they would there.
 
     Attributes:
         table: the scene's table.
@@ -65,9 +66,8 @@ class Striker(FrictionlessBody):
         numbers = (table.mass, 0.5 * table.diameter, table.gravity, *table.position, tip)
         along_y = nose_of(table.shape).along_y
         refuse_unseen(lattice, "striker", table.diameter, [table.position], along_y=along_y)
-        return Layout(
-            numbers, list_capacity(lattice, table.diameter, along_y=along_y), kind=table.shape
-        )
+        capacity = list_capacity(lattice, table.diameter, along_y=along_y)
+        return Layout(numbers, capacity, table.shape, friction=table.friction)
 
     def start(self, scene: "Scene", time_step: float, displacement: float = 0.0) -> None:
         """Set the initial velocity, at a displacement (m) from the initial position."""
@@ -115,6 +115,23 @@ class Striker(FrictionlessBody):
         )
 
     @ti.func
+    def rubbed(self, number, now, depth, normal, flight):
+        """Way along z that the striker moves a node in free flight, m, with friction.
+
+        Returns:
+            the way, and by how much it falls where the striker moves less far, over that.
+        """
+        s, k, j, i = self.site_of(number)
+        new = ti.cast(self.dynamics.node_displacement(1 - now, s, k, j, i), ti.f64)
+        slid = self.sliding(number, now, new + depth * normal, normal, flight)
+        stopped = self.braking(slid, depth)
+        moved = depth * normal.z - stopped * slid.z
+        share = ti.cast(1.0, ti.f64)  # a node that sticks goes all the way with the striker
+        if stopped < 1:
+            share = ti.max(normal.z * moved / depth, 0.0)
+        return moved, share
+
+    @ti.func
     def resolve(self, now, spacing, time_step, damping):
         """Put penetrating nodes on the surface and slow the striker by their impulses."""
         dt = ti.cast(time_step, ti.f64)
@@ -128,8 +145,13 @@ class Striker(FrictionlessBody):
                 if depth > 0:
                     s, k, j, i = self.site_of(number)
                     mass = self.inertia(s, k, j, i, time_step, damping)
-                    driven += mass * depth * normal.z / dt
-                    inertia += mass * normal.z**2
+                    if ti.static(self.rubs):
+                        moved, share = self.rubbed(number, now, depth, normal, flight)
+                        driven += mass * moved / dt
+                        inertia += mass * share
+                    else:
+                        driven += mass * depth * normal.z / dt
+                        inertia += mass * normal.z**2
             self.chunk_sums[chunk] = ti.Vector([driven, inertia, 0.0, 0.0], ti.f64)
         ti.loop_config(serialize=True)  # a task of its own, after the chunks'
         for _ in range(1):

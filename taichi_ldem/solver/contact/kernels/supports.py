@@ -7,7 +7,7 @@ import taichi as ti
 from taichi_ldem.solver.contact.kernels.body import Layout
 from taichi_ldem.solver.contact.kernels.nearby import vec3d
 from taichi_ldem.solver.contact.kernels.surface import (
-    FrictionlessBody,
+    SurfaceBody,
     list_capacity,
     refuse_unseen,
 )
@@ -21,11 +21,11 @@ HALF_SPAN, RADIUS = range(2)
 
 
 @ti.data_oriented
-class Supports(FrictionlessBody):
+class Supports(SurfaceBody):
     """Two fixed cylinders along y under the plate, whose lower face they touch at the start.
 
-    They are frictionless like rollers: there is no tangential work and no thrust along the beam.
-    Each stands on a flat shaft, like the striker's cylinder upside down.
+    Without friction they are like rollers: there is no tangential work and no thrust along the
+    beam. Each stands on a flat shaft, like the striker's cylinder upside down.
     """
 
     def __init__(self, dynamics: Dynamics, scene: "Scene", time_step: float):
@@ -43,7 +43,8 @@ class Supports(FrictionlessBody):
         axes = [(side * 0.5 * table.span, 0.0) for side in (-1, 1)]
         refuse_unseen(dynamics.lattice, "supports", table.diameter, axes, along_y=True)
         capacity = 2 * list_capacity(dynamics.lattice, table.diameter, along_y=True)
-        return Layout((0.5 * table.span, 0.5 * table.diameter), capacity)
+        numbers = (0.5 * table.span, 0.5 * table.diameter)
+        return Layout(numbers, capacity, friction=table.friction)
 
     @ti.func
     def surface(self, position, displacement):

@@ -1,6 +1,7 @@
-"""Frictionless bodies: the base of the striker and of the supports."""
+"""Bodies that are given by their surface: the base of the striker, the supports and the floor."""
 
 from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 import taichi as ti
@@ -55,7 +56,7 @@ def refuse_unseen(
 
 
 @ti.data_oriented
-class FrictionlessBody(RigidBody):
+class SurfaceBody(RigidBody):
     """A body that is given by the signed distance of a point to its surface.
 
     A node that would get inside is moved to the nearest point of the surface. Debris that is hit by
@@ -63,6 +64,9 @@ class FrictionlessBody(RigidBody):
     (half a module in a step is a kilometre a second), so it is only kept from getting deeper, and
     leaves freely.
     """
+
+    touches_few: ClassVar[bool] = True
+    """Whether so few nodes are near that on the CPU one thread is faster than all."""
 
     @ti.func
     def surface(self, position, displacement):
@@ -101,12 +105,22 @@ class FrictionlessBody(RigidBody):
         return depth, normal
 
     @ti.func
-    def push_out(self, now, spacing, time_step, damping):
-        """Put every node that is inside the body on its surface and store the works by chunks.
+    def sliding(self, number, now, target, normal, displacement):
+        """Way that a node slides along the surface in this step without friction, m.
 
-        Few nodes are near the body, so on the CPU one thread is faster than all.
+        Args:
+            target: displacement of the node on the surface at the end of the step, m.
+            displacement: of the body then, m.
         """
-        ti.loop_config(serialize=self.dynamics.on_cpu)
+        s, k, j, i = self.site_of(number)
+        slid = target - ti.cast(self.dynamics.node_displacement(now, s, k, j, i), ti.f64)
+        slid.z += displacement - self.displacement_before()  # a body moves towards -z
+        return slid - slid.dot(normal) * normal
+
+    @ti.func
+    def push_out(self, now, spacing, time_step, damping):
+        """Put every node that is inside the body on its surface and store the works by chunks."""
+        ti.loop_config(serialize=self.dynamics.on_cpu and self.touches_few)
         for chunk in range(self.turns()):
             works = vec3d(0.0, 0.0, 0.0)
             displacement = self.displacement_after(time_step)
@@ -115,7 +129,11 @@ class FrictionlessBody(RigidBody):
                 depth, normal = self.overlap(number, now, spacing, displacement)
                 if depth > 0:
                     new = ti.cast(self.dynamics.node_displacement(1 - now, s, k, j, i), ti.f64)
-                    works += self.put(number, now, time_step, damping, new + depth * normal)
+                    target = new + depth * normal
+                    if ti.static(self.rubs):
+                        slid = self.sliding(number, now, target, normal, displacement)
+                        target -= self.braking(slid, depth) * slid
+                    works += self.put(number, now, time_step, damping, target)
                 self.before[number] = self.dynamics.node_velocity(s, k, j, i)
             if chunk < self.chunks():
                 self.store_chunk(chunk, works)
