@@ -158,6 +158,7 @@ class Simulation:
         time_step: float,
         damping: float,
         peak_strain: float,
+        volumetric: float,
         steps: ti.template(),
         measure: ti.template(),
     ):
@@ -165,18 +166,19 @@ class Simulation:
         other = 1 - now
         for n in ti.static(range(steps)):
             if ti.static(n % 2 == 0):
-                self._pass(now, spacing, time_step, damping, peak_strain, measure)
+                self._pass(now, spacing, time_step, damping, peak_strain, volumetric, measure)
             else:
-                self._pass(other, spacing, time_step, damping, peak_strain, measure)
+                self._pass(other, spacing, time_step, damping, peak_strain, volumetric, measure)
 
     @ti.func
-    def _pass(self, now, spacing, time_step, damping, peak_strain, measure: ti.template()):
+    def _pass(self, now, spacing, time_step, damping, peak_strain, volumetric, measure: ti.template()):
         numbers = ti.Struct(
             spacing=spacing,
             kick=time_step,
             drift=time_step,
             damping=damping,
             peak_strain=peak_strain,
+            volumetric=volumetric,
         )
         self.dynamics.whole_passes(now, numbers, measure)
         self._resolve(now, spacing, time_step, damping)
@@ -185,9 +187,8 @@ class Simulation:
         """Take steps from ``now``; on the CPU one."""
         dynamics, spacing = self.dynamics, self.spacing
         if not dynamics.in_strips:
-            self._launch(
-                self.now, spacing, time_step, self.damping, self.peak_strain, steps, measure
-            )
+            numbers = (time_step, self.damping, self.peak_strain, dynamics.volumetric)
+            self._launch(self.now, spacing, *numbers, steps, measure)
             return
         dynamics.step(self.now, time_step, time_step, self.damping, measure)
         if self.bodies:
