@@ -16,7 +16,7 @@ from taichi_ldem.scenarios import leave_out
 from taichi_ldem.scenarios.resolution import unresolved
 from taichi_ldem.scene import Scene
 from taichi_ldem.scene.weibull import strength_by_volume
-from taichi_ldem.solver.contact import BODIES
+from taichi_ldem.solver.contact import CONTACTS
 from taichi_ldem.solver.fields import Features
 from taichi_ldem.solver.memory import field_bytes, refuse_too_large
 
@@ -203,9 +203,9 @@ def _steps(scene: Scene) -> float:
 
 
 def left_out(scene: Scene) -> list[str]:
-    """Features and bodies that the scene does not have, and why: neither allocated nor compiled."""
-    bodies = [body.absent for body in BODIES if body.table(scene) is None]
-    return [*Features.of(scene).left_out(), *bodies]
+    """What the scene does not have, and why: neither allocated nor compiled."""
+    contacts = [contact.absent for contact in CONTACTS if contact.table(scene) is None]
+    return [*Features.of(scene).left_out(), *contacts]
 
 
 def _disorder(scene: Scene, drawn: dict[str, tuple[float, float]]) -> dict[str, str]:
@@ -256,7 +256,7 @@ def _against_everything(scene: Scene, simulation: "Simulation", measured: bool) 
     own, whole = field_bytes(scene), field_bytes(full)
     texts = [f"{1e-6 * number:.2f}" for number in (own, whole)]
     table.add_row("MB of nodes and bars", *texts, f"{100 * own / whole:.0f} %")
-    table.add_row("kernels", str(cost.kernels), str(leave_out.KERNELS_OF_EVERYTHING))
+    table.add_row("kernels", str(cost.kernels), str(leave_out.kernels_of_everything(scene)))
     return table
 
 

@@ -1,0 +1,389 @@
+"""The pairs of nodes that may touch: a list that is made anew when something has moved far enough.
+
+A node is *bare* if one of its bars has failed or was removed by a notch. A node at the *rim* has
+fewer bars than one inside the body. A pair is made of a bare node and of one that is bare or at the
+rim, with no bar between them that still carries compression.
+
+Bare nodes mark the cells of a grid around them. The nodes in marked cells are listed in ascending
+order, sorted into the cells, and each gets the numbers of its partners in ascending order. The grid
+is wrapped around, so that it has no ends that debris could leave: nodes that share a cell that way
+are far apart. Atomics add whole numbers only, whose order does not matter; the order of every list
+is fixed, and with it the order of all sums.
+"""
+
+import math
+
+import numpy as np
+import taichi as ti
+
+from taichi_ldem.errors import TooManyNodes
+from taichi_ldem.solver.contact.kernels.nearby import WORD, NearbyNodes
+from taichi_ldem.solver.dynamics import Dynamics, field_apart
+from taichi_ldem.solver.lanes import HALO
+
+SKIN = 0.3
+"""Distance that two nodes may approach each other between two listings, over that of contact."""
+
+LONGEST = 64
+"""Most steps between two listings, so that bars that have failed meanwhile are soon known."""
+
+FEWEST_PAIRS = 640_000
+PAIRS_A_NODE = (32, 4)
+"""Partners of a node that the list has room for: on a small lattice, and in the mean of a large one
+where that is more than FEWEST_PAIRS."""
+
+BLOCK = 256
+"""Counts that one thread adds up."""
+
+# the entries of ``numbers``
+DISTANCE, REACH, STIFFNESS, FRICTION = range(4)
+
+
+def most_nodes(modules: tuple[int, int, int], sublattices: int) -> int:
+    """Nodes of the whole prism that a body is cut from."""
+    corners, centres = math.prod(n + 1 for n in modules), math.prod(modules)
+    return corners + (sublattices - 1) * centres
+
+
+def most_pairs(nodes: int) -> int:
+    """Entries of the list of partners of a lattice of so many nodes."""
+    small, large = PAIRS_A_NODE
+    return min(small * nodes, max(FEWEST_PAIRS, large * nodes))
+
+
+def bytes_of(modules: tuple[int, int, int], sublattices: int, real_bytes: int) -> int:
+    """Most bytes of the lists and of contact itself, without the marks of rows and cells."""
+    nodes = most_nodes(modules, sublattices)
+    return nodes * (3 * 4 + 3 * real_bytes + (4 * 3 + 1) * 8) + 4 * most_pairs(nodes)
+
+
+def distance_of_contact(dynamics: Dynamics) -> float:
+    """Distance at which two nodes touch, m: the length of the shortest bar of a regular lattice."""
+    return math.sqrt(min(dynamics.cell.length_squared)) * dynamics.spacing
+
+
+@ti.data_oriented
+class NearbyPairs(NearbyNodes):
+    """The nodes near bare ones, and for each of them its partners.
+
+    Attributes:
+        size: number of listed nodes. next_listing: step at which the list has to be made again.
+        numbers: DISTANCE, REACH (m), STIFFNESS (N/m for a reduced mass of 1 kg), FRICTION.
+        position, mass: of the listed nodes, m and kg.
+        pairs: partners, as places in the list; those of node a end before ``pair_ends[a]``.
+        bare, marks: a bit for each column of a piece of a row: its node is bare, or listed.
+        surface: a bit for each lane of a column: its node is at the rim of the body at rest.
+        hot: 1 for cells of the grid within one of a bare node.
+        starts, members: first place in ``members`` of each cell, and the nodes of the cells.
+    """
+
+    def __init__(self, dynamics: Dynamics):
+        lattice, cell = dynamics.lattice, dynamics.cell
+        super().__init__(dynamics, most_nodes(lattice.modules, cell.sublattices))
+        self.size, self.next_listing = 0, 0
+        self.numbers = field_apart(ti.f64, 4)
+        self.position = field_apart(ti.f64, self.capacity, 3)
+        self.mass = field_apart(ti.f64, self.capacity)
+        self.pair_ends = field_apart(ti.i32, self.capacity)
+        self.pairs = field_apart(ti.i32, most_pairs(self.capacity))
+        self.bare = field_apart(ti.i32, self.marks.shape[0])
+        self.surface = [field_apart(ti.u8, dynamics.shape) for _ in range(cell.sublattices)]
+        reach = (1 + SKIN) * distance_of_contact(dynamics) / dynamics.spacing
+        self.dims = tuple(max(8, math.ceil(n / reach) + 2) for n in lattice.modules)
+        cells = math.prod(self.dims)
+        self.hot = field_apart(ti.i32, cells)
+        self.starts = field_apart(ti.i32, cells + 1)
+        self.members = field_apart(ti.i32, self.capacity)
+        self.block_sums = field_apart(ti.i32, max(cells, self.capacity) // BLOCK + 1)
+        self.fastest = field_apart(ti.f32, 1)
+        self.homes = [sorted({home for _, home in bars}) for bars in cell.scalars]
+
+    def find_surface(self) -> None:
+        """Mark the nodes of the lattice that have fewer bars than one inside it."""
+        lattice, cell = self.dynamics.lattice, self.dynamics.cell
+        there, exists = lattice.bar_exists(), lattice.exists()
+        for s, field in enumerate(self.surface):
+            whole = np.ones(lattice.sites, dtype=bool)
+            for bar, home in cell.scalars[s]:
+                whole &= np.roll(there[..., bar], [-n for n in home], axis=(0, 1, 2))
+            rim = self.dynamics.lanes.spread(exists[s] & ~whole)
+            bits = np.uint8(1) << np.arange(rim.shape[-1], dtype=np.uint8)
+            field.from_numpy(np.asarray((rim * bits).sum(axis=-1, dtype=np.uint8)))
+
+    # -- listing -----------------------------------------------------------------------------------
+
+    def list_pairs(self, now: int, step: int, time_step: float, released: float) -> None:
+        """List the pairs that may touch before ``next_listing``, which is set here.
+
+        Two nodes must not approach each other by more than SKIN until then. Each is taken to move
+        at most at the speed of the fastest one, plus as much again or the speed ``released`` (m/s)
+        of a node whose bar breaks.
+
+        Raises:
+            TooManyNodes: there are more pairs than the list holds.
+        """
+        spacing = self.dynamics.lattice.spacing
+        self._expose(now, spacing)
+        self._list(now, spacing, 0.0)
+        self.size = int(self.count[0])
+        self.next_listing = step + self._steps(time_step, released)
+        if self.size > 0:
+            self._find_pairs(now, spacing)
+
+    def _find_pairs(self, now: int, spacing: float) -> None:
+        """Give every listed node its partners."""
+        self._sort(now, spacing, self.size)
+        self._count_pairs(self.size)
+        total = int(self.pair_ends[self.size - 1])
+        if total > self.pairs.shape[0]:
+            self.size = 0
+            raise TooManyNodes(
+                f"{total} pairs of nodes came near each other, and the list of [contact] holds "
+                f"{self.pairs.shape[0]}: the pieces are crushed; end the run earlier "
+                "(solver.duration) or strike more slowly"
+            )
+        self._write_pairs(self.size)
+
+    def _steps(self, time_step: float, released: float) -> int:
+        """Steps until the list has to be made again."""
+        fastest = math.sqrt(self.fastest[0])
+        speed = fastest + max(fastest, released)
+        way = 2 * time_step * speed
+        skin = SKIN * self.numbers[DISTANCE]
+        return max(1, int(skin / way)) if way * LONGEST > skin else LONGEST
+
+    @ti.kernel
+    def _expose(self, now: int, spacing: float):
+        """Find the bare nodes, and the cells around them."""
+        nz, ny = ti.static(self.dynamics.sites[:2])
+        for cell in range(self.hot.shape[0]):
+            self.hot[cell] = 0
+        for n in range(1):
+            self.fastest[n] = 0.0
+        for k, j, word in ti.ndrange((1, nz - 1), (1, ny - 1), self.words):
+            self.mark_bare(now, k, j, word, spacing)
+
+    @ti.func
+    def word_of(self, s, k, j, lane, word):
+        """Place in the marks of a piece of a row."""
+        nz, ny, _ = ti.static(self.dynamics.sites)
+        return ((s * nz + k) * ny + j) * self.row_words() + lane * self.words + word
+
+    @ti.func
+    def mark_bare(self, now, k, j, word, spacing):
+        """Mark the bare nodes of a piece of a row, and the cells around them."""
+        begin = HALO + word * WORD
+        for s in ti.static(range(self.dynamics.cell.sublattices)):
+            for lane in range(self.dynamics.lanes.width):
+                self.bare[self.word_of(s, k, j, lane, word)] = 0
+            for m in range(begin, ti.min(begin + WORD, HALO + self.dynamics.lanes.length)):
+                lanes = 0
+                for home in ti.static(self.homes[s]):
+                    lanes |= int(self.dynamics.touched[k + home[0], j + home[1], m + home[2]])
+                if lanes != 0:
+                    for lane in range(self.dynamics.lanes.width):
+                        if (lanes >> lane) & 1 and self.has_lost_a_bar(s, k, j, m, lane):
+                            at = self.word_of(s, k, j, lane, word)
+                            self.bare[at] = self.bare[at] | 1 << (m - begin)
+                            self.heat(now, s, k, j, self.dynamics.site_of(m, lane), spacing)
+
+    @ti.func
+    def has_lost_a_bar(self, s: ti.template(), k, j, m, lane):
+        """Whether a bar of a node has failed or was removed."""
+        lost = False
+        for bar, home in ti.static(self.dynamics.cell.scalars[s]):
+            at = ti.Struct(k=k + home[0], j=j + home[1], m=m + home[2])
+            lost |= self.is_gone(bar, at, lane)
+        return lost
+
+    @ti.func
+    def is_gone(self, bar: ti.template(), at: ti.template(), lane):
+        """Whether a bar has failed or was removed."""
+        gone = False
+        if ti.static(self.dynamics.features.damage):
+            peak = self.dynamics.peak[bar][at.k, at.j, at.m][lane]
+            gone |= self.dynamics.bars.has_failed(bar, peak)
+        if ti.static(self.dynamics.features.notch):
+            gone |= self.dynamics.bars.is_removed(bar, at, lane)
+        return gone
+
+    @ti.func
+    def place(self, now, s, k, j, i, spacing):
+        """Position of a node, m, in f64."""
+        displacement = self.dynamics.node_displacement(now, s, k, j, i)
+        return self.rest_position(s, k, j, i, spacing) + ti.cast(displacement, ti.f64)
+
+    @ti.func
+    def cell_at(self, place, z, y, x):
+        """Number of the cell that lies (z, y, x) cells from that of a place."""
+        offset, index = ti.Vector([x, y, z]), 0
+        for axis in ti.static(range(3)):
+            along = ti.floor(place[axis] / self.numbers[REACH])
+            whole = ti.cast(ti.max(-1e9, ti.min(along, 1e9)), ti.i32) + offset[axis]
+            index = index * ti.static(self.dims[axis]) + whole % ti.static(self.dims[axis])
+        return index
+
+    @ti.func
+    def heat(self, now, s, k, j, i, spacing):
+        """Mark the cells around a node; all threads write the same."""
+        place = self.place(now, s, k, j, i, spacing)
+        for z, y, x in ti.ndrange((-1, 2), (-1, 2), (-1, 2)):
+            self.hot[self.cell_at(place, z, y, x)] = 1
+
+    @ti.func
+    def mark(self, now, k, j, word, spacing, duration):
+        """Mark the bare nodes and those at the rim, in marked cells, of a piece of a row."""
+        begin = HALO + word * WORD
+        for s in ti.static(range(self.dynamics.cell.sublattices)):
+            for lane in range(self.dynamics.lanes.width):
+                at, bits = self.word_of(s, k, j, lane, word), 0
+                bare = self.bare[at]
+                for m in range(begin, ti.min(begin + WORD, HALO + self.dynamics.lanes.length)):
+                    bit = 1 << (m - begin)
+                    rim = (int(self.surface[s][k, j, m]) >> lane) & 1
+                    if rim != 0 or bare & bit != 0:
+                        i = self.dynamics.site_of(m, lane)
+                        self.note_speed(ti.cast(self.dynamics.node_velocity(s, k, j, i), ti.f32))
+                        place = self.place(now, s, k, j, i, spacing)
+                        if self.hot[self.cell_at(place, 0, 0, 0)] != 0:
+                            bits |= bit
+                self.marks[at] = bits
+
+    @ti.func
+    def note_speed(self, velocity):
+        """Keep the square of the largest speed; the order of threads does not matter."""
+        square = velocity.dot(velocity)
+        if square > self.fastest[0]:
+            ti.atomic_max(self.fastest[0], square)
+
+    # -- pairs -------------------------------------------------------------------------------------
+
+    @ti.func
+    def scan(self, counts: ti.template(), size):
+        """Turn counts into their sums up to and including each of them."""
+        for block in range((size + BLOCK - 1) // BLOCK):
+            total = 0
+            for n in range(block * BLOCK, ti.min((block + 1) * BLOCK, size)):
+                total += counts[n]
+            self.block_sums[block] = total
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            total = 0
+            for block in range((size + BLOCK - 1) // BLOCK):
+                total += self.block_sums[block]
+                self.block_sums[block] = total
+        for block in range((size + BLOCK - 1) // BLOCK):
+            total = 0
+            if block > 0:
+                total = self.block_sums[block - 1]
+            for n in range(block * BLOCK, ti.min((block + 1) * BLOCK, size)):
+                total += counts[n]
+                counts[n] = total
+
+    @ti.func
+    def sort(self, numbers: ti.template(), begin, end):
+        """Sort a few numbers in ascending order, in their place."""
+        for n in range(begin + 1, end):
+            value, at = numbers[n], n
+            while at > begin and numbers[at - 1] > value:
+                numbers[at] = numbers[at - 1]
+                at -= 1
+            numbers[at] = value
+
+    @ti.kernel
+    def _sort(self, now: int, spacing: float, size: int):
+        """Weigh the listed nodes and sort them into cells."""
+        cells = ti.static(self.hot.shape[0])
+        for cell in range(cells + 1):
+            self.starts[cell] = 0
+        for a in range(size):
+            s, k, j, i = self.site_of(a)
+            self.position[a] = self.place(now, s, k, j, i, spacing)
+            self.mass[a] = ti.cast(self.dynamics.node_mass(s, k, j, i), ti.f64)
+            ti.atomic_add(self.starts[self.cell_at(self.position[a], 0, 0, 0)], 1)
+        self.scan(self.starts, cells + 1)
+        for a in range(size):
+            # from the end of a cell down, which turns the ends into starts
+            taken = ti.atomic_add(self.starts[self.cell_at(self.position[a], 0, 0, 0)], -1)
+            self.members[taken - 1] = a
+        for cell in range(cells):
+            self.sort(self.members, self.starts[cell], self.starts[cell + 1])
+
+    @ti.kernel
+    def _count_pairs(self, size: int):
+        for a in range(size):
+            found = 0
+            for z, y, x in ti.ndrange((-1, 2), (-1, 2), (-1, 2)):
+                cell = self.cell_at(self.position[a], z, y, x)
+                for n in range(self.starts[cell], self.starts[cell + 1]):
+                    found += int(self.may_touch(a, self.members[n]))
+            self.pair_ends[a] = found
+        self.scan(self.pair_ends, size)
+
+    @ti.kernel
+    def _write_pairs(self, size: int):
+        for a in range(size):
+            begin = self.first_pair(a)
+            at = begin
+            for z, y, x in ti.ndrange((-1, 2), (-1, 2), (-1, 2)):
+                cell = self.cell_at(self.position[a], z, y, x)
+                for n in range(self.starts[cell], self.starts[cell + 1]):
+                    if self.may_touch(a, self.members[n]):
+                        self.pairs[at] = self.members[n]
+                        at += 1
+            self.sort(self.pairs, begin, at)
+
+    @ti.func
+    def first_pair(self, a):
+        """Place of a node's first partner."""
+        begin = 0
+        if a > 0:
+            begin = self.pair_ends[a - 1]
+        return begin
+
+    @ti.func
+    def may_touch(self, a, b):
+        """Whether two listed nodes are a pair within the reach of the list."""
+        found = False
+        away = self.position[a] - self.position[b]
+        if a != b and away.dot(away) < self.numbers[REACH] * self.numbers[REACH]:
+            if self.is_bare(a) or self.is_bare(b):
+                found = not self.are_joined(a, b)
+        return found
+
+    @ti.func
+    def is_bare(self, a):
+        """Whether a listed node has lost a bar."""
+        s, k, j, i = self.site_of(a)
+        m, lane = self.dynamics.column_of(i)
+        word, bit = (m - HALO) // WORD, (m - HALO) % WORD
+        return (self.bare[self.word_of(s, k, j, lane, word)] >> bit) & 1 != 0
+
+    @ti.func
+    def are_joined(self, a, b):
+        """Whether a bar between two listed nodes carries compression."""
+        s, k, j, i = self.site_of(a)
+        other = self.site_of(b)
+        joined = False
+        for first in ti.static(range(self.dynamics.cell.sublattices)):
+            if s == first:
+                for n in ti.static(range(len(self.dynamics.cell.scalars[first]))):
+                    bar, home = ti.static(self.dynamics.cell.scalars[first][n])
+                    second, there = ti.static(self.dynamics.cell.neighbours[first][n])
+                    same = other[0] == second and other[1] == k + there[0]
+                    if same and other[2] == j + there[1] and other[3] == i + there[2]:
+                        m, lane = self.dynamics.column_of(i + home[2])
+                        at = ti.Struct(k=k + home[0], j=j + home[1], m=m)
+                        joined = self.carries_compression(bar, at, lane)
+        return joined
+
+    @ti.func
+    def carries_compression(self, bar: ti.template(), at: ti.template(), lane):
+        """Whether a bar exists and pushes its ends apart; with ``closing`` a failed one does."""
+        carries = self.dynamics.bars.stiffness(bar, at, lane) > 0
+        if ti.static(self.dynamics.features.closing):
+            if ti.static(self.dynamics.features.notch):
+                carries &= not self.dynamics.bars.is_removed(bar, at, lane)
+        else:
+            carries &= not self.is_gone(bar, at, lane)
+        return carries
