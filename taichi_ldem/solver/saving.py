@@ -12,7 +12,18 @@ from taichi_ldem.solver.energy import Ledger
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation
 
-OF_ANY_LENGTH = ("nodes", "before", "start", "last", "ends", "pairs", "friction", "works")
+OF_ANY_LENGTH = (
+    "nodes",
+    "before",
+    "start",
+    "last",
+    "ends",
+    "pairs",
+    "home",
+    "loose",
+    "friction",
+    "works",
+)
 """Fields whose arrays need not be as long as those of another time."""
 
 BEFORE_PIECES = 7

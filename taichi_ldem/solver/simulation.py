@@ -115,7 +115,7 @@ class Simulation:
         for part in self.bodies:
             part.reset(scene, self.time_step)
         if self.pieces_touch:
-            self.fragments.reset(scene, self.time_step)
+            self.fragments.reset(scene)
         self._start_clock()
 
     def body(self, name: str) -> Any:
@@ -170,23 +170,40 @@ class Simulation:
         peak_strain: float,
         volumetric: float,
         touching: int,
+        dust: int,
         steps: ti.template(),
         measure: ti.template(),
     ):
         """Take steps in whole passes, all in one kernel, without returning to Python.
 
         Args:
-            touching: number of nodes of pieces that may touch.
+            touching, dust: numbers of nodes of pieces that may touch, and of dust among them.
         """
         other = 1 - now
         for n in ti.static(range(steps)):
             if ti.static(n % 2 == 0):
                 self._pass(
-                    now, spacing, time_step, damping, peak_strain, volumetric, touching, measure
+                    now,
+                    spacing,
+                    time_step,
+                    damping,
+                    peak_strain,
+                    volumetric,
+                    touching,
+                    dust,
+                    measure,
                 )
             else:
                 self._pass(
-                    other, spacing, time_step, damping, peak_strain, volumetric, touching, measure
+                    other,
+                    spacing,
+                    time_step,
+                    damping,
+                    peak_strain,
+                    volumetric,
+                    touching,
+                    dust,
+                    measure,
                 )
 
     @ti.func
@@ -199,10 +216,11 @@ class Simulation:
         peak_strain,
         volumetric,
         touching,
+        dust,
         measure: ti.template(),
     ):
         if ti.static(self.pieces_touch):
-            self.fragments.find_impulses(now, spacing, time_step, touching)
+            self.fragments.find_impulses(now, spacing, time_step, touching, dust)
         numbers = ti.Struct(
             spacing=spacing,
             kick=time_step,
@@ -217,13 +235,16 @@ class Simulation:
     def _take(self, time_step: float, steps: int = 1, measure: bool = False) -> None:
         """Take steps from ``now``; on the CPU one."""
         dynamics, spacing = self.dynamics, self.spacing
-        touching = self.fragments.size if self.pieces_touch else 0
+        pieces = self.fragments
+        touching, dust = (pieces.size, pieces.dust_size) if self.pieces_touch else (0, 0)
         if not dynamics.in_strips:
             numbers = (time_step, self.damping, self.peak_strain, dynamics.volumetric)
-            self._launch(self.now, spacing, *numbers, touching, steps, measure)
+            self._launch(self.now, spacing, *numbers, touching, dust, steps, measure)
+            if self.pieces_touch:
+                pieces.look_whether_moved()
             return
         if self.pieces_touch:
-            self.fragments.press(self.now, spacing, time_step)
+            pieces.press(self.now, spacing, time_step)
         dynamics.step(self.now, time_step, time_step, self.damping, measure)
         if self.bodies or self.pieces_touch:
             self._contact(self.now, spacing, time_step, self.damping, touching)

@@ -40,6 +40,7 @@ from taichi_ldem.solver.contact.kernels.pairs import (
     BLOCK,
     DISTANCE,
     FRICTION,
+    LATE,
     SKIN,
     STIFFNESS,
     NearbyPairs,
@@ -86,6 +87,8 @@ class Fragments(NearbyPairs):
         name: of the declaration.
         before: velocity of the listed nodes before the step, m/s.
         impulse, friction: on each listed node in the latest step, all and friction's, N s.
+        moved: 1 if a listed node that is no dust has moved far since the listing.
+        dusty: the latest step at which dust was near a cell, by ``stamp``, the count of steps.
         works: of each listed node (see ``ELASTIC``), J; the loss since the start.
     """
 
@@ -97,51 +100,58 @@ class Fragments(NearbyPairs):
         self.friction = field_apart(ti.f64, self.capacity, 3)
         self.works = field_apart(ti.f64, self.capacity, 3)
         self.work_sums = field_apart(ti.f64, self.capacity // BLOCK + 1, 3)
-        self.reset(scene, time_step)
+        self.moved, self.stamp = field_apart(ti.i32, 1), field_apart(ti.i32, 1)
+        self.dusty = field_apart(ti.i32, self.hot.shape[0])
+        self.reset(scene)
 
     # -- on the host -------------------------------------------------------------------------------
 
-    def reset(self, scene: "Scene", time_step: float) -> None:
+    def reset(self, scene: "Scene") -> None:
         """Put everything back to t = 0 with the numbers of another scene."""
         lattice, edge = self.dynamics.lattice, bars_of(scene)[0]
         assert scene.contact is not None
         whole = scene.material.density * lattice.spacing**3 * lattice.cell.node_shares[255, 0]
         distance = distance_of_contact(self.dynamics)
         stiffness = 2 * STIFFER * edge.axial_stiffness / edge.length / whole
-        numbers = (distance, (1 + SKIN) * distance, stiffness, scene.contact.friction)
+        numbers = (distance, (1 + SKIN) * distance, stiffness, scene.contact.friction, np.inf)
         self.numbers.from_numpy(np.array(numbers))
-        wave = (scene.material.youngs_modulus / scene.material.density) ** 0.5
-        self.released = wave * edge.peak_strain if self.dynamics.features.damage else 0.0
         self.find_surface()
         for field in (self.count, self.works, self.impulse, self.friction):
             field.fill(0)
-        self.size, self.next_listing, self.most = 0, 0, 0
+        self.size, self.dust_size, self.next_listing, self.most = 0, 0, 0, 0
 
     def list_anew(self, now: int, step: int, time_step: float) -> None:
         """List the pairs, and complete what the latest step left open."""
         self._settle(self.size)
-        self.list_pairs(now, step, time_step, self.released)
+        self.list_pairs(now, step, time_step)
         self.most = max(self.most, self.size)
         self._forget(self.size)
 
     def renew(self, step: int) -> None:
         """Forget the steps so far, before one that starts from another state."""
         self._forget(self.size)
-        self.size, self.next_listing = 0, step
+        self.size, self.dust_size, self.next_listing = 0, 0, step
 
     def compile(self, now: int) -> None:
         """Compile all kernels of the listing and of samples; the lists change."""
         spacing = self.dynamics.lattice.spacing
         self.list_anew(now, self.next_listing, 0.0)
-        self._sort(now, spacing, 0)
-        self._count_pairs(0)
-        self._write_pairs(0)
+        self._settle_in(now, spacing, 0)
+        self._sort(0)
+        self._list_dust(0)
+        self._find_pairs(0, 0)
         self._weigh(0)
         self.reading()
 
     def press(self, now: int, spacing: float, time_step: float) -> None:
         """Compute the impulses of a step that starts at the displacement ``now``."""
-        self._press(now, spacing, time_step, self.size)
+        if self._press(now, spacing, time_step, self.size, self.dust_size):
+            self.next_listing = 0
+
+    def look_whether_moved(self) -> None:
+        """Let the list be made anew at the next step if a step of a launch has moved a node far."""
+        if self.moved[0]:
+            self.next_listing = 0
 
     def reading(self) -> Touching:
         """Energies at the start of the latest step."""
@@ -168,6 +178,8 @@ class Fragments(NearbyPairs):
             "nodes": self.nodes.to_numpy()[:size],
             "ends": ends,
             "pairs": self.pairs.to_numpy()[: ends[-1] if size else 0],
+            "home": self.home.to_numpy()[:size],
+            "loose": self.loose.to_numpy()[:size],
             "friction": self.friction.to_numpy()[:size],
             "works": self.works.to_numpy()[: self.most],
         }
@@ -181,7 +193,7 @@ class Fragments(NearbyPairs):
         nodes, ends, pairs = saved["nodes"], saved["ends"], saved["pairs"]
         size, total = len(nodes), len(pairs)
         fits = size <= len(saved["works"]) <= self.capacity and total <= self.pairs.shape[0]
-        fits &= len(ends) == len(saved["friction"]) == size
+        fits &= all(len(saved[name]) == size for name in ("ends", "friction", "home", "loose"))
         fits &= total == (ends[-1] if size else 0) and not (np.diff(ends, prepend=0) < 0).any()
         for numbers, limit in ((nodes, self._node_numbers()), (pairs, size)):
             fits &= not len(numbers) or bool(numbers.min() >= 0 and numbers.max() < limit)
@@ -192,8 +204,9 @@ class Fragments(NearbyPairs):
         self.count.from_numpy(np.array([size, size], dtype=np.int32))
         for name, field in (
             ("nodes", self.nodes),
-            ("ends", self.pair_ends),
             ("pairs", self.pairs),
+            ("home", self.home),
+            ("loose", self.loose),
             ("friction", self.friction),
             ("works", self.works),
         ):
@@ -202,6 +215,10 @@ class Fragments(NearbyPairs):
             padded[: len(saved[name])] = saved[name]
             field.from_numpy(padded)
         self._weigh(size)
+        self._sort_cells()
+        padded = self.pair_ends.to_numpy()
+        padded[:size] = ends
+        self.pair_ends.from_numpy(padded)
 
     # -- in a step ---------------------------------------------------------------------------------
 
@@ -219,6 +236,8 @@ class Fragments(NearbyPairs):
         """Clear what belongs to the steps with the list before."""
         for a in range(size):
             self.friction[a] = vec3d(0.0, 0.0, 0.0)
+        for n in range(1):
+            self.moved[n] = 0
 
     @ti.kernel
     def _weigh(self, size: int):
@@ -227,18 +246,28 @@ class Fragments(NearbyPairs):
             self.mass[a] = ti.cast(self.dynamics.node_mass(s, k, j, i), ti.f64)
 
     @ti.kernel
-    def _press(self, now: int, spacing: float, time_step: float, size: int):
-        self.find_impulses(now, spacing, time_step, size)
+    def _press(self, now: int, spacing: float, time_step: float, size: int, dust: int) -> int:
+        self.find_impulses(now, spacing, time_step, size, dust)
+        return self.moved[0]
 
     @ti.func
-    def find_impulses(self, now, spacing, time_step, size):
+    def find_impulses(self, now, spacing, time_step, size, dust):
         """Compute the impulses of a step, and book its works."""
+        for n in range(1):
+            self.stamp[n] = self.stamp[n] + 1
         for a in range(size):
             s, k, j, i = self.site_of(a)
-            self.position[a] = self.place(now, s, k, j, i, spacing)
+            place = self.place(now, s, k, j, i, spacing)
+            self.position[a] = place
             self.before[a] = self.dynamics.node_velocity(s, k, j, i)
+            way, least = place - self.home[a], LATE * SKIN * self.numbers[DISTANCE]
+            if self.loose[a] != 0:
+                for z, y, x in ti.ndrange((-1, 2), (-1, 2), (-1, 2)):
+                    self.dusty[self.cell_at(place, z, y, x)] = self.stamp[0]
+            elif way.dot(way) > least * least:
+                self.moved[0] = 1
         for a in range(size):
-            push, drag, elastic = self.gathered(a, spacing, ti.cast(time_step, ti.f64))
+            push, drag, elastic = self.gathered(a, spacing, ti.cast(time_step, ti.f64), dust)
             velocity = ti.cast(self.before[a], ti.f64)
             # the latest step's friction acted until the middle of this velocity, and this one's
             # from there on
@@ -248,30 +277,71 @@ class Fragments(NearbyPairs):
             self.impulse[a], self.friction[a] = push + drag, drag
 
     @ti.func
-    def gathered(self, a, spacing, time_step):
+    def gathered(self, a, spacing, time_step, dust):
         """Normal impulse, friction's impulse and half the energies of a node's contacts."""
         push, drag = vec3d(0.0, 0.0, 0.0), vec3d(0.0, 0.0, 0.0)
-        elastic, distance = ti.cast(0.0, ti.f64), self.numbers[DISTANCE]
-        place, mass = self.position[a], self.mass[a]
+        elastic = ti.cast(0.0, ti.f64)
         for n in range(self.first_pair(a), self.pair_ends[a]):
-            b = self.pairs[n]
-            away = place - self.position[b]
-            square = away.dot(away)
-            if square < distance * distance:
-                length = ti.sqrt(square)
-                depth = self.contact_distance(a, b, spacing) - length
-                if depth > 0:
-                    normal = away / ti.max(length, TINY * distance)
-                    reduced = mass * self.mass[b] / (mass + self.mass[b])
-                    stiffness = self.numbers[STIFFNESS] * reduced
-                    impulse = time_step * stiffness * depth
-                    push += impulse * normal
-                    drag -= self.friction_factor(impulse, reduced, a, b, normal)
-                    elastic += 0.25 * stiffness * depth * depth
+            one, other, energy = self.contact(a, self.pairs[n], spacing, time_step)
+            push += one
+            drag += other
+            elastic += energy
+        if dust > 0:
+            if self.dusty[self.cell_at(self.position[a], 0, 0, 0)] == self.stamp[0]:
+                one, other, energy = self.with_dust(a, spacing, time_step, dust)
+                push += one
+                drag += other
+                elastic += energy
         return push, drag, elastic
 
     @ti.func
-    def friction_factor(self, impulse, reduced, a, b, normal):
+    def with_dust(self, a, spacing, time_step, dust):
+        """The same for contacts with dust, and of dust with the listed nodes around it."""
+        push, drag = vec3d(0.0, 0.0, 0.0), vec3d(0.0, 0.0, 0.0)
+        elastic, distance = ti.cast(0.0, ti.f64), self.numbers[DISTANCE]
+        own = ti.select(self.loose[a] != 0, 0, 27)
+        for cell in range(own, 28):  # the dust comes after the cells
+            begin, end = 0, dust
+            if cell < 27:
+                z, y, x = cell // 9 - 1, cell // 3 % 3 - 1, cell % 3 - 1
+                at = self.cell_at(self.position[a], z, y, x)
+                begin, end = self.starts[at], self.starts[at + 1]
+            for n in range(begin, end):
+                b = self.dust[ti.min(n, dust - 1)]
+                if cell < 27:
+                    b = self.members[n]
+                away = self.position[a] - self.position[b]
+                near = away.dot(away) < distance * distance and a != b
+                if near and (cell == 27 or self.loose[b] == 0):
+                    if not self.are_joined(a, b):
+                        one, other, energy = self.contact(a, b, spacing, time_step)
+                        push += one
+                        drag += other
+                        elastic += energy
+        return push, drag, elastic
+
+    @ti.func
+    def contact(self, a, b, spacing, time_step):
+        """Impulses on a node by another, normal and of friction, and half the energies."""
+        push, drag = vec3d(0.0, 0.0, 0.0), vec3d(0.0, 0.0, 0.0)
+        elastic, distance = ti.cast(0.0, ti.f64), self.numbers[DISTANCE]
+        away = self.position[a] - self.position[b]
+        square = away.dot(away)
+        if square < distance * distance:
+            length = ti.sqrt(square)
+            depth = self.contact_distance(a, b, spacing) - length
+            if depth > 0:
+                normal = away / ti.max(length, TINY * distance)
+                reduced = self.mass[a] * self.mass[b] / (self.mass[a] + self.mass[b])
+                stiffness = self.numbers[STIFFNESS] * reduced
+                impulse = time_step * stiffness * depth
+                push = impulse * normal
+                drag = -self.friction_between(impulse, reduced, a, b, normal)
+                elastic = 0.25 * stiffness * depth * depth
+        return push, drag, elastic
+
+    @ti.func
+    def friction_between(self, impulse, reduced, a, b, normal):
         """Impulse of friction between two nodes, along their sliding."""
         sliding = ti.cast(self.before[a], ti.f64) - ti.cast(self.before[b], ti.f64)
         sliding -= normal * sliding.dot(normal)

@@ -9,6 +9,10 @@ order, sorted into the cells, and each gets the numbers of its partners in ascen
 is wrapped around, so that it has no ends that debris could leave: nodes that share a cell that way
 are far apart. Atomics add whole numbers only, whose order does not matter; the order of every list
 is fixed, and with it the order of all sums.
+
+A single node that flies off at hundreds of metres a second would ask for a new list every few
+steps. Such *dust*, fast nodes with at most LOOSE bars, has no partners in the list: wherever it is
+in a step, it is compared with what was listed in the cells around it, and with other dust.
 """
 
 import math
@@ -27,6 +31,19 @@ SKIN = 0.3
 LONGEST = 64
 """Most steps between two listings, so that bars that have failed meanwhile are soon known."""
 
+FEWEST = 16
+"""Steps between two listings that a fast node would allow if it had partners in the list."""
+
+LOOSE = 2
+"""Most bars of a fast node that is dust."""
+
+LATE = 0.45
+"""Share of the skin that a node may cover since the listing: less than a half, as the list is made
+anew at the next step only."""
+
+FARTHEST = 16
+"""Most cells that dust may pass through between two listings."""
+
 FEWEST_PAIRS = 640_000
 PAIRS_A_NODE = (32, 4)
 """Partners of a node that the list has room for: on a small lattice, and in the mean of a large one
@@ -36,7 +53,10 @@ BLOCK = 256
 """Counts that one thread adds up."""
 
 # the entries of ``numbers``
-DISTANCE, REACH, STIFFNESS, FRICTION = range(4)
+DISTANCE, REACH, STIFFNESS, FRICTION, FAST = range(5)
+
+# the entries of ``fastest``
+UNLISTED, DUST = range(2)
 
 
 def most_nodes(modules: tuple[int, int, int], sublattices: int) -> int:
@@ -54,7 +74,7 @@ def most_pairs(nodes: int) -> int:
 def bytes_of(modules: tuple[int, int, int], sublattices: int, real_bytes: int) -> int:
     """Most bytes of the lists and of contact itself, without the marks of rows and cells."""
     nodes = most_nodes(modules, sublattices)
-    return nodes * (3 * 4 + 3 * real_bytes + (4 * 3 + 1) * 8) + 4 * most_pairs(nodes)
+    return nodes * (5 * 4 + 3 * real_bytes + (5 * 3 + 1) * 8) + 4 * most_pairs(nodes)
 
 
 def distance_of_contact(dynamics: Dynamics) -> float:
@@ -67,21 +87,30 @@ class NearbyPairs(NearbyNodes):
     """The nodes near bare ones, and for each of them its partners.
 
     Attributes:
-        size: number of listed nodes. next_listing: step at which the list has to be made again.
-        numbers: DISTANCE, REACH (m), STIFFNESS (N/m for a reduced mass of 1 kg), FRICTION.
-        position, mass: of the listed nodes, m and kg.
+        size, dust_size: numbers of listed nodes, and of those that are dust.
+        next_listing: step at which the list has to be made again.
+        numbers: DISTANCE, REACH (m), STIFFNESS (N/m for a reduced mass of 1 kg), FRICTION, and
+            FAST, the speed from which a node may be dust (m/s).
+        position, home, mass: of the listed nodes, now and when they were listed, m and kg.
         pairs: partners, as places in the list; those of node a end before ``pair_ends[a]``.
-        bare, marks: a bit for each column of a piece of a row: its node is bare, or listed.
+        bare, flying, marks: a bit for each column of a piece of a row: its node is bare, dust, or
+            listed.
+        loose: 1 for listed nodes that are dust. dust: their places in the list.
         surface: a bit for each lane of a column: its node is at the rim of the body at rest.
         hot: 1 for cells of the grid within one of a bare node.
         starts, members: first place in ``members`` of each cell, and the nodes of the cells.
+        fastest: squares of the largest speeds, of nodes at the rim not listed, and of dust.
     """
 
     def __init__(self, dynamics: Dynamics):
         lattice, cell = dynamics.lattice, dynamics.cell
         super().__init__(dynamics, most_nodes(lattice.modules, cell.sublattices))
-        self.size, self.next_listing = 0, 0
-        self.numbers = field_apart(ti.f64, 4)
+        self.size, self.dust_size, self.next_listing = 0, 0, 0
+        self.numbers = field_apart(ti.f64, 5)
+        self.home = field_apart(ti.f64, self.capacity, 3)
+        self.loose = field_apart(ti.i32, self.capacity)
+        self.dust = field_apart(ti.i32, self.capacity)
+        self.flying = field_apart(ti.i32, self.marks.shape[0])
         self.position = field_apart(ti.f64, self.capacity, 3)
         self.mass = field_apart(ti.f64, self.capacity)
         self.pair_ends = field_apart(ti.i32, self.capacity)
@@ -95,7 +124,7 @@ class NearbyPairs(NearbyNodes):
         self.starts = field_apart(ti.i32, cells + 1)
         self.members = field_apart(ti.i32, self.capacity)
         self.block_sums = field_apart(ti.i32, max(cells, self.capacity) // BLOCK + 1)
-        self.fastest = field_apart(ti.f32, 1)
+        self.fastest = field_apart(ti.f32, 2)
         self.homes = [sorted({home for _, home in bars}) for bars in cell.scalars]
 
     def find_surface(self) -> None:
@@ -112,28 +141,27 @@ class NearbyPairs(NearbyNodes):
 
     # -- listing -----------------------------------------------------------------------------------
 
-    def list_pairs(self, now: int, step: int, time_step: float, released: float) -> None:
-        """List the pairs that may touch before ``next_listing``, which is set here.
+    def list_pairs(self, now: int, step: int, time_step: float) -> None:
+        """List the pairs that may touch until a listed node has moved far enough.
 
-        Two nodes must not approach each other by more than SKIN until then. Each is taken to move
-        at most at the speed of the fastest one, plus as much again or the speed ``released`` (m/s)
-        of a node whose bar breaks.
+        The list is made again at ``next_listing`` at the latest, which is set here.
 
         Raises:
             TooManyNodes: there are more pairs than the list holds.
         """
         spacing = self.dynamics.lattice.spacing
-        self._expose(now, spacing)
+        skin = SKIN * float(self.numbers[DISTANCE])
+        self.numbers[FAST] = skin / (2 * FEWEST * time_step) if time_step > 0 else math.inf
+        self._expose(now, spacing, time_step)
         self._list(now, spacing, 0.0)
         self.size = int(self.count[0])
-        self.next_listing = step + self._steps(time_step, released)
-        if self.size > 0:
-            self._find_pairs(now, spacing)
-
-    def _find_pairs(self, now: int, spacing: float) -> None:
-        """Give every listed node its partners."""
-        self._sort(now, spacing, self.size)
-        self._count_pairs(self.size)
+        self.next_listing = step + self._steps(time_step)
+        if self.size == 0:
+            self.dust_size = 0
+            return
+        self._settle_in(now, spacing, self.size)
+        self._sort_cells()
+        self._find_pairs(self.size, 0)
         total = int(self.pair_ends[self.size - 1])
         if total > self.pairs.shape[0]:
             self.size = 0
@@ -142,26 +170,33 @@ class NearbyPairs(NearbyNodes):
                 f"{self.pairs.shape[0]}: the pieces are crushed; end the run earlier "
                 "(solver.duration) or strike more slowly"
             )
-        self._write_pairs(self.size)
+        self._find_pairs(self.size, 1)
 
-    def _steps(self, time_step: float, released: float) -> int:
-        """Steps until the list has to be made again."""
-        fastest = math.sqrt(self.fastest[0])
-        speed = fastest + max(fastest, released)
-        way = 2 * time_step * speed
-        skin = SKIN * self.numbers[DISTANCE]
-        return max(1, int(skin / way)) if way * LONGEST > skin else LONGEST
+    def _sort_cells(self) -> None:
+        """Sort the listed nodes into cells, and list the dust among them."""
+        self._sort(self.size)
+        self._list_dust(self.size)
+        self.dust_size = int(self.pair_ends[self.size - 1]) if self.size else 0
+
+    def _steps(self, time_step: float) -> int:
+        """Most steps until the list has to be made again."""
+        ways = time_step * np.sqrt(self.fastest.to_numpy().astype(np.float64))
+        reach = float(self.numbers[REACH])
+        # what is not listed may come nearer by half of the skin, and dust may fly so far
+        allowed = 0.5 * SKIN * float(self.numbers[DISTANCE]), (FARTHEST - 1) * reach
+        steps = [free / way for free, way in zip(allowed, ways, strict=True) if way > 0]
+        return max(1, int(min([LONGEST, *steps])))
 
     @ti.kernel
-    def _expose(self, now: int, spacing: float):
-        """Find the bare nodes, and the cells around them."""
+    def _expose(self, now: int, spacing: float, time_step: float):
+        """Find the bare nodes and the dust among them, and the cells that they may come to."""
         nz, ny = ti.static(self.dynamics.sites[:2])
         for cell in range(self.hot.shape[0]):
             self.hot[cell] = 0
-        for n in range(1):
+        for n in range(2):
             self.fastest[n] = 0.0
         for k, j, word in ti.ndrange((1, nz - 1), (1, ny - 1), self.words):
-            self.mark_bare(now, k, j, word, spacing)
+            self.mark_bare(now, k, j, word, spacing, time_step)
 
     @ti.func
     def word_of(self, s, k, j, lane, word):
@@ -170,31 +205,50 @@ class NearbyPairs(NearbyNodes):
         return ((s * nz + k) * ny + j) * self.row_words() + lane * self.words + word
 
     @ti.func
-    def mark_bare(self, now, k, j, word, spacing):
+    def mark_bare(self, now, k, j, word, spacing, time_step):
         """Mark the bare nodes of a piece of a row, and the cells around them."""
         begin = HALO + word * WORD
         for s in ti.static(range(self.dynamics.cell.sublattices)):
             for lane in range(self.dynamics.lanes.width):
                 self.bare[self.word_of(s, k, j, lane, word)] = 0
+                self.flying[self.word_of(s, k, j, lane, word)] = 0
             for m in range(begin, ti.min(begin + WORD, HALO + self.dynamics.lanes.length)):
                 lanes = 0
                 for home in ti.static(self.homes[s]):
                     lanes |= int(self.dynamics.touched[k + home[0], j + home[1], m + home[2]])
                 if lanes != 0:
                     for lane in range(self.dynamics.lanes.width):
-                        if (lanes >> lane) & 1 and self.has_lost_a_bar(s, k, j, m, lane):
-                            at = self.word_of(s, k, j, lane, word)
-                            self.bare[at] = self.bare[at] | 1 << (m - begin)
-                            self.heat(now, s, k, j, self.dynamics.site_of(m, lane), spacing)
+                        if (lanes >> lane) & 1:
+                            lost, left = self.bars_of(s, k, j, m, lane)
+                            if lost > 0:
+                                at = self.word_of(s, k, j, lane, word)
+                                self.bare[at] = self.bare[at] | 1 << (m - begin)
+                                i = self.dynamics.site_of(m, lane)
+                                place = self.place(now, s, k, j, i, spacing)
+                                v = ti.cast(self.dynamics.node_velocity(s, k, j, i), ti.f64)
+                                cells = 0
+                                if left <= LOOSE and v.norm() > self.numbers[FAST]:
+                                    self.flying[at] = self.flying[at] | 1 << (m - begin)
+                                    self.note_speed(DUST, v)
+                                    v *= ti.cast(time_step, ti.f64) * LONGEST
+                                    cells = int(v.norm() / self.numbers[REACH]) + 1
+                                    cells = ti.max(1, ti.min(cells, FARTHEST))
+                                    v /= cells
+                                for cell in range(cells + 1):
+                                    self.heat(place + cell * v)
 
     @ti.func
-    def has_lost_a_bar(self, s: ti.template(), k, j, m, lane):
-        """Whether a bar of a node has failed or was removed."""
-        lost = False
+    def bars_of(self, s: ti.template(), k, j, m, lane):
+        """Numbers of a node's bars that have failed or were removed, and of those that are left."""
+        lost, left = 0, 0
         for bar, home in ti.static(self.dynamics.cell.scalars[s]):
             at = ti.Struct(k=k + home[0], j=j + home[1], m=m + home[2])
-            lost |= self.is_gone(bar, at, lane)
-        return lost
+            kind = ti.static(self.dynamics.cell.stiffness_kind[bar])
+            if self.is_gone(bar, at, lane):
+                lost += 1
+            elif self.dynamics.stiffness[int(self.dynamics.code[at.k, at.j, at.m][lane])][kind] > 0:
+                left += 1
+        return lost, left
 
     @ti.func
     def is_gone(self, bar: ti.template(), at: ti.template(), lane):
@@ -224,9 +278,8 @@ class NearbyPairs(NearbyNodes):
         return index
 
     @ti.func
-    def heat(self, now, s, k, j, i, spacing):
-        """Mark the cells around a node; all threads write the same."""
-        place = self.place(now, s, k, j, i, spacing)
+    def heat(self, place):
+        """Mark the cells around a place; all threads write the same."""
         for z, y, x in ti.ndrange((-1, 2), (-1, 2), (-1, 2)):
             self.hot[self.cell_at(place, z, y, x)] = 1
 
@@ -243,18 +296,19 @@ class NearbyPairs(NearbyNodes):
                     rim = (int(self.surface[s][k, j, m]) >> lane) & 1
                     if rim != 0 or bare & bit != 0:
                         i = self.dynamics.site_of(m, lane)
-                        self.note_speed(ti.cast(self.dynamics.node_velocity(s, k, j, i), ti.f32))
                         place = self.place(now, s, k, j, i, spacing)
                         if self.hot[self.cell_at(place, 0, 0, 0)] != 0:
                             bits |= bit
+                        else:
+                            self.note_speed(UNLISTED, self.dynamics.node_velocity(s, k, j, i))
                 self.marks[at] = bits
 
     @ti.func
-    def note_speed(self, velocity):
-        """Keep the square of the largest speed; the order of threads does not matter."""
-        square = velocity.dot(velocity)
-        if square > self.fastest[0]:
-            ti.atomic_max(self.fastest[0], square)
+    def note_speed(self, whose: ti.template(), velocity):
+        """Keep the square of a largest speed; the order of threads does not matter."""
+        square = ti.cast(velocity.dot(velocity), ti.f32)
+        if square > self.fastest[whose]:
+            ti.atomic_max(self.fastest[whose], square)
 
     # -- pairs -------------------------------------------------------------------------------------
 
@@ -291,47 +345,59 @@ class NearbyPairs(NearbyNodes):
             numbers[at] = value
 
     @ti.kernel
-    def _sort(self, now: int, spacing: float, size: int):
-        """Weigh the listed nodes and sort them into cells."""
+    def _settle_in(self, now: int, spacing: float, size: int):
+        """Note where the listed nodes are, and which of them are dust."""
+        for a in range(size):
+            s, k, j, i = self.site_of(a)
+            self.home[a] = self.place(now, s, k, j, i, spacing)
+            self.mass[a] = ti.cast(self.dynamics.node_mass(s, k, j, i), ti.f64)
+            self.loose[a] = self.bit_of(self.flying, a)
+
+    @ti.kernel
+    def _sort(self, size: int):
+        """Sort the listed nodes into cells."""
         cells = ti.static(self.hot.shape[0])
         for cell in range(cells + 1):
             self.starts[cell] = 0
         for a in range(size):
-            s, k, j, i = self.site_of(a)
-            self.position[a] = self.place(now, s, k, j, i, spacing)
-            self.mass[a] = ti.cast(self.dynamics.node_mass(s, k, j, i), ti.f64)
-            ti.atomic_add(self.starts[self.cell_at(self.position[a], 0, 0, 0)], 1)
+            ti.atomic_add(self.starts[self.cell_at(self.home[a], 0, 0, 0)], 1)
         self.scan(self.starts, cells + 1)
         for a in range(size):
             # from the end of a cell down, which turns the ends into starts
-            taken = ti.atomic_add(self.starts[self.cell_at(self.position[a], 0, 0, 0)], -1)
+            taken = ti.atomic_add(self.starts[self.cell_at(self.home[a], 0, 0, 0)], -1)
             self.members[taken - 1] = a
         for cell in range(cells):
             self.sort(self.members, self.starts[cell], self.starts[cell + 1])
 
     @ti.kernel
-    def _count_pairs(self, size: int):
+    def _list_dust(self, size: int):
+        """List the dust; ``pair_ends``, which is filled afterwards, holds its numbers."""
         for a in range(size):
-            found = 0
-            for z, y, x in ti.ndrange((-1, 2), (-1, 2), (-1, 2)):
-                cell = self.cell_at(self.position[a], z, y, x)
-                for n in range(self.starts[cell], self.starts[cell + 1]):
-                    found += int(self.may_touch(a, self.members[n]))
-            self.pair_ends[a] = found
+            self.pair_ends[a] = self.loose[a]
         self.scan(self.pair_ends, size)
+        for a in range(size):
+            if self.loose[a] != 0:
+                self.dust[self.pair_ends[a] - 1] = a
 
     @ti.kernel
-    def _write_pairs(self, size: int):
+    def _find_pairs(self, size: int, write: int):
+        """Count the partners of the listed nodes; or, with ``write``, list them."""
         for a in range(size):
-            begin = self.first_pair(a)
-            at = begin
+            begin, found = 0, 0
+            if write != 0:
+                begin = self.first_pair(a)
             for z, y, x in ti.ndrange((-1, 2), (-1, 2), (-1, 2)):
-                cell = self.cell_at(self.position[a], z, y, x)
+                cell = self.cell_at(self.home[a], z, y, x)
                 for n in range(self.starts[cell], self.starts[cell + 1]):
                     if self.may_touch(a, self.members[n]):
-                        self.pairs[at] = self.members[n]
-                        at += 1
-            self.sort(self.pairs, begin, at)
+                        if write != 0:
+                            self.pairs[begin + found] = self.members[n]
+                        found += 1
+            if write != 0:
+                self.sort(self.pairs, begin, begin + found)
+            else:
+                self.pair_ends[a] = found
+        self.scan(self.pair_ends, ti.select(write == 0, size, 0))
 
     @ti.func
     def first_pair(self, a):
@@ -345,19 +411,20 @@ class NearbyPairs(NearbyNodes):
     def may_touch(self, a, b):
         """Whether two listed nodes are a pair within the reach of the list."""
         found = False
-        away = self.position[a] - self.position[b]
-        if a != b and away.dot(away) < self.numbers[REACH] * self.numbers[REACH]:
-            if self.is_bare(a) or self.is_bare(b):
+        away = self.home[a] - self.home[b]
+        near = away.dot(away) < self.numbers[REACH] * self.numbers[REACH]
+        if a != b and near and self.loose[a] + self.loose[b] == 0:
+            if self.bit_of(self.bare, a) + self.bit_of(self.bare, b) > 0:
                 found = not self.are_joined(a, b)
         return found
 
     @ti.func
-    def is_bare(self, a):
-        """Whether a listed node has lost a bar."""
+    def bit_of(self, marks: ti.template(), a):
+        """The bit of a listed node among the marks of rows."""
         s, k, j, i = self.site_of(a)
         m, lane = self.dynamics.column_of(i)
         word, bit = (m - HALO) // WORD, (m - HALO) % WORD
-        return (self.bare[self.word_of(s, k, j, lane, word)] >> bit) & 1 != 0
+        return (marks[self.word_of(s, k, j, lane, word)] >> bit) & 1
 
     @ti.func
     def are_joined(self, a, b):
