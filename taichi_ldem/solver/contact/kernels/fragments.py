@@ -89,6 +89,8 @@ class Fragments(NearbyPairs):
         impulse, friction: on each listed node in the latest step, all and friction's, N s.
         moved: 1 if a listed node that is no dust has moved far since the listing.
         dusty: the latest step at which dust was near a cell, by ``stamp``, the count of steps.
+        dust_in, dust_after: the first dust in a cell (where ``dusty_in`` is the step), and the next
+            in the same cell after each, in ascending order; -1 where there is none.
         works: of each listed node (see ``ELASTIC``), J; the loss since the start.
     """
 
@@ -101,7 +103,10 @@ class Fragments(NearbyPairs):
         self.works = field_apart(ti.f64, self.capacity, 3)
         self.work_sums = field_apart(ti.f64, self.capacity // BLOCK + 1, 3)
         self.moved, self.stamp = field_apart(ti.i32, 1), field_apart(ti.i32, 1)
-        self.dusty = field_apart(ti.i32, self.hot.shape[0])
+        self.dusty, self.dusty_in, self.dust_in = (
+            field_apart(ti.i32, self.hot.shape[0]) for _ in range(3)
+        )
+        self.dust_after = field_apart(ti.i32, self.capacity)
         self.reset(scene)
 
     # -- on the host -------------------------------------------------------------------------------
@@ -262,10 +267,20 @@ class Fragments(NearbyPairs):
             self.before[a] = self.dynamics.node_velocity(s, k, j, i)
             way, least = place - self.home[a], LATE * SKIN * self.numbers[DISTANCE]
             if self.loose[a] != 0:
+                cell = self.cell_of(place)
                 for z, y, x in ti.ndrange((-1, 2), (-1, 2), (-1, 2)):
-                    self.dusty[self.cell_at(place, z, y, x)] = self.stamp[0]
+                    self.dusty[self.beside(cell, z, y, x)] = self.stamp[0]
             elif way.dot(way) > least * least:
                 self.moved[0] = 1
+        ti.loop_config(serialize=True)
+        for n in range(dust):
+            # from the last one, so that each cell's are in ascending order
+            b = self.dust[dust - 1 - n]
+            cell, after = self.number_of(self.position[b]), -1
+            if self.dusty_in[cell] == self.stamp[0]:
+                after = self.dust_in[cell]
+            self.dust_after[b], self.dust_in[cell] = after, b
+            self.dusty_in[cell] = self.stamp[0]
         for a in range(size):
             push, drag, elastic = self.gathered(a, spacing, ti.cast(time_step, ti.f64), dust)
             velocity = ti.cast(self.before[a], ti.f64)
@@ -287,37 +302,40 @@ class Fragments(NearbyPairs):
             drag += other
             elastic += energy
         if dust > 0:
-            if self.dusty[self.cell_at(self.position[a], 0, 0, 0)] == self.stamp[0]:
-                one, other, energy = self.with_dust(a, spacing, time_step, dust)
+            if self.dusty[self.number_of(self.position[a])] == self.stamp[0]:
+                one, other, energy = self.with_dust(a, spacing, time_step)
                 push += one
                 drag += other
                 elastic += energy
         return push, drag, elastic
 
     @ti.func
-    def with_dust(self, a, spacing, time_step, dust):
+    def with_dust(self, a, spacing, time_step):
         """The same for contacts with dust, and of dust with the listed nodes around it."""
         push, drag = vec3d(0.0, 0.0, 0.0), vec3d(0.0, 0.0, 0.0)
-        elastic, distance = ti.cast(0.0, ti.f64), self.numbers[DISTANCE]
-        own = ti.select(self.loose[a] != 0, 0, 27)
-        for cell in range(own, 28):  # the dust comes after the cells
-            begin, end = 0, dust
-            if cell < 27:
-                z, y, x = cell // 9 - 1, cell // 3 % 3 - 1, cell % 3 - 1
-                at = self.cell_at(self.position[a], z, y, x)
-                begin, end = self.starts[at], self.starts[at + 1]
-            for n in range(begin, end):
-                b = self.dust[ti.min(n, dust - 1)]
-                if cell < 27:
-                    b = self.members[n]
-                away = self.position[a] - self.position[b]
-                near = away.dot(away) < distance * distance and a != b
-                if near and (cell == 27 or self.loose[b] == 0):
-                    if not self.are_joined(a, b):
-                        one, other, energy = self.contact(a, b, spacing, time_step)
-                        push += one
-                        drag += other
-                        elastic += energy
+        elastic, middle = ti.cast(0.0, ti.f64), self.cell_of(self.position[a])
+        for z, y, x in ti.ndrange((-1, 2), (-1, 2), (-1, 2)):
+            cell = self.beside(middle, z, y, x)
+            at, end, other = 0, 0, -1
+            if self.loose[a] != 0:
+                at, end = self.starts[cell], self.starts[cell + 1]
+            if self.dusty_in[cell] == self.stamp[0]:
+                other = self.dust_in[cell]
+            # what was listed in the cell, then the dust that is in it now
+            while at < end or other >= 0:
+                b = other
+                if at < end:
+                    b = self.members[at]
+                    at += 1
+                    if self.loose[b] != 0:
+                        b = a
+                else:
+                    other = self.dust_after[b]
+                if a != b and not self.are_joined(a, b):
+                    one, rubbed, energy = self.contact(a, b, spacing, time_step)
+                    push += one
+                    drag += rubbed
+                    elastic += energy
         return push, drag, elastic
 
     @ti.func

@@ -18,9 +18,11 @@ in a step, it is compared with what was listed in the cells around it, and with 
 import math
 
 import numpy as np
+import numpy.typing as npt
 import taichi as ti
 
 from taichi_ldem.errors import TooManyNodes
+from taichi_ldem.model.cell import UnitCell
 from taichi_ldem.solver.contact.kernels.nearby import WORD, NearbyNodes
 from taichi_ldem.solver.dynamics import Dynamics, field_apart
 from taichi_ldem.solver.lanes import HALO
@@ -59,6 +61,18 @@ DISTANCE, REACH, STIFFNESS, FRICTION, FAST = range(5)
 UNLISTED, DUST = range(2)
 
 
+def places_of_bars(cell: UnitCell) -> npt.NDArray[np.int32]:
+    """Place of the bar between two nodes among those of the first; -1 where there is none.
+
+    For every pair of sublattices, and of offsets from -1 to 1 along z, y, x of the second node.
+    """
+    found = np.full((cell.sublattices, cell.sublattices, 3, 3, 3), -1, dtype=np.int32)
+    for s, nodes in enumerate(cell.neighbours):
+        for n, (other, (z, y, x)) in enumerate(nodes):
+            found[s, other, z + 1, y + 1, x + 1] = n
+    return found.ravel()
+
+
 def most_nodes(modules: tuple[int, int, int], sublattices: int) -> int:
     """Nodes of the whole prism that a body is cut from."""
     corners, centres = math.prod(n + 1 for n in modules), math.prod(modules)
@@ -74,7 +88,7 @@ def most_pairs(nodes: int) -> int:
 def bytes_of(modules: tuple[int, int, int], sublattices: int, real_bytes: int) -> int:
     """Most bytes of the lists and of contact itself, without the marks of rows and cells."""
     nodes = most_nodes(modules, sublattices)
-    return nodes * (5 * 4 + 3 * real_bytes + (5 * 3 + 1) * 8) + 4 * most_pairs(nodes)
+    return nodes * (8 * 4 + 3 * real_bytes + (5 * 3 + 1) * 8) + 4 * most_pairs(nodes)
 
 
 def distance_of_contact(dynamics: Dynamics) -> float:
@@ -95,7 +109,9 @@ class NearbyPairs(NearbyNodes):
         pairs: partners, as places in the list; those of node a end before ``pair_ends[a]``.
         bare, flying, marks: a bit for each column of a piece of a row: its node is bare, dust, or
             listed.
-        loose: 1 for listed nodes that are dust. dust: their places in the list.
+        loose, shown: 1 for listed nodes that are dust, or bare. dust: places in the list of dust.
+        joins: a bit for each bar of a listed node, as in ``UnitCell.scalars``, that pushes its ends
+            apart. between: the place there of a bar between two nodes; -1 where there is none.
         surface: a bit for each lane of a column: its node is at the rim of the body at rest.
         hot: 1 for cells of the grid within one of a bare node.
         starts, members: first place in ``members`` of each cell, and the nodes of the cells.
@@ -111,6 +127,10 @@ class NearbyPairs(NearbyNodes):
         self.loose = field_apart(ti.i32, self.capacity)
         self.dust = field_apart(ti.i32, self.capacity)
         self.flying = field_apart(ti.i32, self.marks.shape[0])
+        self.joins = field_apart(ti.i32, self.capacity)
+        self.shown = field_apart(ti.i32, self.capacity)
+        self.between = field_apart(ti.i32, cell.sublattices**2 * 27)
+        self.between.from_numpy(places_of_bars(cell))
         self.position = field_apart(ti.f64, self.capacity, 3)
         self.mass = field_apart(ti.f64, self.capacity)
         self.pair_ends = field_apart(ti.i32, self.capacity)
@@ -268,20 +288,41 @@ class NearbyPairs(NearbyNodes):
         return self.rest_position(s, k, j, i, spacing) + ti.cast(displacement, ti.f64)
 
     @ti.func
-    def cell_at(self, place, z, y, x):
-        """Number of the cell that lies (z, y, x) cells from that of a place."""
-        offset, index = ti.Vector([x, y, z]), 0
+    def cell_of(self, place):
+        """Cell of a place: whole numbers along x, y, z."""
+        cell = ti.Vector([0, 0, 0])
         for axis in ti.static(range(3)):
             along = ti.floor(place[axis] / self.numbers[REACH])
-            whole = ti.cast(ti.max(-1e9, ti.min(along, 1e9)), ti.i32) + offset[axis]
-            index = index * ti.static(self.dims[axis]) + whole % ti.static(self.dims[axis])
+            # a place that is not finite gets some cell
+            cell[axis] = ti.cast(ti.max(-1e9, ti.min(along, 1e9)), ti.i32)
+            cell[axis] = cell[axis] % ti.static(self.dims[axis])
+        return cell
+
+    @ti.func
+    def beside(self, cell, z, y, x):
+        """Number of the cell that lies (z, y, x) cells from another, which are -1 to 1."""
+        offset, index = ti.Vector([x, y, z]), 0
+        for axis in ti.static(range(3)):
+            count = ti.static(self.dims[axis])
+            along = cell[axis] + offset[axis]
+            if along < 0:
+                along += count
+            elif along >= count:
+                along -= count
+            index = index * count + along
         return index
+
+    @ti.func
+    def number_of(self, place):
+        """Number of the cell of a place."""
+        return self.beside(self.cell_of(place), 0, 0, 0)
 
     @ti.func
     def heat(self, place):
         """Mark the cells around a place; all threads write the same."""
+        cell = self.cell_of(place)
         for z, y, x in ti.ndrange((-1, 2), (-1, 2), (-1, 2)):
-            self.hot[self.cell_at(place, z, y, x)] = 1
+            self.hot[self.beside(cell, z, y, x)] = 1
 
     @ti.func
     def mark(self, now, k, j, word, spacing, duration):
@@ -297,7 +338,7 @@ class NearbyPairs(NearbyNodes):
                     if rim != 0 or bare & bit != 0:
                         i = self.dynamics.site_of(m, lane)
                         place = self.place(now, s, k, j, i, spacing)
-                        if self.hot[self.cell_at(place, 0, 0, 0)] != 0:
+                        if self.hot[self.number_of(place)] != 0:
                             bits |= bit
                         else:
                             self.note_speed(UNLISTED, self.dynamics.node_velocity(s, k, j, i))
@@ -352,6 +393,8 @@ class NearbyPairs(NearbyNodes):
             self.home[a] = self.place(now, s, k, j, i, spacing)
             self.mass[a] = ti.cast(self.dynamics.node_mass(s, k, j, i), ti.f64)
             self.loose[a] = self.bit_of(self.flying, a)
+            self.shown[a] = self.bit_of(self.bare, a)
+            self.joins[a] = self.bars_that_push(a)
 
     @ti.kernel
     def _sort(self, size: int):
@@ -360,11 +403,11 @@ class NearbyPairs(NearbyNodes):
         for cell in range(cells + 1):
             self.starts[cell] = 0
         for a in range(size):
-            ti.atomic_add(self.starts[self.cell_at(self.home[a], 0, 0, 0)], 1)
+            ti.atomic_add(self.starts[self.number_of(self.home[a])], 1)
         self.scan(self.starts, cells + 1)
         for a in range(size):
             # from the end of a cell down, which turns the ends into starts
-            taken = ti.atomic_add(self.starts[self.cell_at(self.home[a], 0, 0, 0)], -1)
+            taken = ti.atomic_add(self.starts[self.number_of(self.home[a])], -1)
             self.members[taken - 1] = a
         for cell in range(cells):
             self.sort(self.members, self.starts[cell], self.starts[cell + 1])
@@ -383,11 +426,11 @@ class NearbyPairs(NearbyNodes):
     def _find_pairs(self, size: int, write: int):
         """Count the partners of the listed nodes; or, with ``write``, list them."""
         for a in range(size):
-            begin, found = 0, 0
+            begin, found, middle = 0, 0, self.cell_of(self.home[a])
             if write != 0:
                 begin = self.first_pair(a)
             for z, y, x in ti.ndrange((-1, 2), (-1, 2), (-1, 2)):
-                cell = self.cell_at(self.home[a], z, y, x)
+                cell = self.beside(middle, z, y, x)
                 for n in range(self.starts[cell], self.starts[cell + 1]):
                     if self.may_touch(a, self.members[n]):
                         if write != 0:
@@ -414,7 +457,7 @@ class NearbyPairs(NearbyNodes):
         away = self.home[a] - self.home[b]
         near = away.dot(away) < self.numbers[REACH] * self.numbers[REACH]
         if a != b and near and self.loose[a] + self.loose[b] == 0:
-            if self.bit_of(self.bare, a) + self.bit_of(self.bare, b) > 0:
+            if self.shown[a] + self.shown[b] > 0:
                 found = not self.are_joined(a, b)
         return found
 
@@ -428,21 +471,31 @@ class NearbyPairs(NearbyNodes):
 
     @ti.func
     def are_joined(self, a, b):
-        """Whether a bar between two listed nodes carries compression."""
+        """Whether a bar between two listed nodes carried compression when they were listed."""
         s, k, j, i = self.site_of(a)
-        other = self.site_of(b)
+        t, up, g, h = self.site_of(b)
+        z, y, x = up - k + 1, g - j + 1, h - i + 1
         joined = False
-        for first in ti.static(range(self.dynamics.cell.sublattices)):
-            if s == first:
-                for n in ti.static(range(len(self.dynamics.cell.scalars[first]))):
-                    bar, home = ti.static(self.dynamics.cell.scalars[first][n])
-                    second, there = ti.static(self.dynamics.cell.neighbours[first][n])
-                    same = other[0] == second and other[1] == k + there[0]
-                    if same and other[2] == j + there[1] and other[3] == i + there[2]:
-                        m, lane = self.dynamics.column_of(i + home[2])
-                        at = ti.Struct(k=k + home[0], j=j + home[1], m=m)
-                        joined = self.carries_compression(bar, at, lane)
+        if ti.min(x, y, z) >= 0 and ti.max(x, y, z) <= 2:
+            sublattices = ti.static(self.dynamics.cell.sublattices)
+            bar = self.between[(((s * sublattices + t) * 3 + z) * 3 + y) * 3 + x]
+            joined = bar >= 0 and (self.joins[a] >> bar) & 1 != 0
         return joined
+
+    @ti.func
+    def bars_that_push(self, a):
+        """A bit for each bar of a listed node that carries compression."""
+        s, k, j, i = self.site_of(a)
+        bits = 0
+        for sublattice in ti.static(range(self.dynamics.cell.sublattices)):
+            if s == sublattice:
+                for n in ti.static(range(len(self.dynamics.cell.scalars[sublattice]))):
+                    bar, home = ti.static(self.dynamics.cell.scalars[sublattice][n])
+                    m, lane = self.dynamics.column_of(i + home[2])
+                    at = ti.Struct(k=k + home[0], j=j + home[1], m=m)
+                    if self.carries_compression(bar, at, lane):
+                        bits |= 1 << n
+        return bits
 
     @ti.func
     def carries_compression(self, bar: ti.template(), at: ti.template(), lane):
