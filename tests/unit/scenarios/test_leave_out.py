@@ -23,6 +23,7 @@ def test_everything_leaves_out_only_what_a_plate_cannot_have(file: Path) -> None
         "energy of a module's volume",  # nor this with damage
         "grips and gauge",
         "support contact",
+        "contact of pieces",  # only where a scene has it
     ]
 
 
@@ -41,7 +42,8 @@ def test_kernels_are_those_of_the_features() -> None:
     def of(damage: bool, *bodies: SimpleNamespace, crack: bool = False) -> list[str]:
         features = SimpleNamespace(damage=damage, crack=crack)
         dynamics = SimpleNamespace(features=features, in_strips=True)
-        return kernels(SimpleNamespace(dynamics=dynamics, bodies=bodies))  # type: ignore[arg-type]
+        simulation = SimpleNamespace(dynamics=dynamics, bodies=bodies, fragments=None)
+        return kernels(simulation)  # type: ignore[arg-type]
 
     assert of(False) == ["step", "energies"]
     assert of(True) == ["step", "energies", "broken bars"]

@@ -24,6 +24,7 @@ import taichi as ti
 from taichi_ldem.errors import TooManyNodes
 from taichi_ldem.model.cell import UnitCell
 from taichi_ldem.solver.contact.kernels.nearby import WORD, NearbyNodes
+from taichi_ldem.solver.contact.sizes import most_nodes, most_pairs
 from taichi_ldem.solver.dynamics import Dynamics, field_apart
 from taichi_ldem.solver.lanes import HALO
 
@@ -46,11 +47,6 @@ anew at the next step only."""
 FARTHEST = 16
 """Most cells that dust may pass through between two listings."""
 
-FEWEST_PAIRS = 640_000
-PAIRS_A_NODE = (32, 4)
-"""Partners of a node that the list has room for: on a small lattice, and in the mean of a large one
-where that is more than FEWEST_PAIRS."""
-
 BLOCK = 256
 """Counts that one thread adds up."""
 
@@ -71,24 +67,6 @@ def places_of_bars(cell: UnitCell) -> npt.NDArray[np.int32]:
         for n, (other, (z, y, x)) in enumerate(nodes):
             found[s, other, z + 1, y + 1, x + 1] = n
     return found.ravel()
-
-
-def most_nodes(modules: tuple[int, int, int], sublattices: int) -> int:
-    """Nodes of the whole prism that a body is cut from."""
-    corners, centres = math.prod(n + 1 for n in modules), math.prod(modules)
-    return corners + (sublattices - 1) * centres
-
-
-def most_pairs(nodes: int) -> int:
-    """Entries of the list of partners of a lattice of so many nodes."""
-    small, large = PAIRS_A_NODE
-    return min(small * nodes, max(FEWEST_PAIRS, large * nodes))
-
-
-def bytes_of(modules: tuple[int, int, int], sublattices: int, real_bytes: int) -> int:
-    """Most bytes of the lists and of contact itself, without the marks of rows and cells."""
-    nodes = most_nodes(modules, sublattices)
-    return nodes * (8 * 4 + 3 * real_bytes + (5 * 3 + 1) * 8) + 4 * most_pairs(nodes)
 
 
 def distance_of_contact(dynamics: Dynamics) -> float:

@@ -374,7 +374,7 @@ def fragments(pieces: Pieces) -> "Fragments":
 
 
 def test_the_bytes_are_those_of_the_lists(fragments: "Fragments") -> None:
-    from taichi_ldem.solver.contact.kernels.pairs import bytes_of
+    from taichi_ldem.solver.contact.sizes import bytes_of
     from taichi_ldem.solver.state import field_bytes
 
     lists = [f for f in fragments.fields().values() if f.shape[0] >= fragments.capacity]
