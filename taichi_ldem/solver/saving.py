@@ -21,6 +21,8 @@ OF_ANY_LENGTH = (
     "pairs",
     "home",
     "loose",
+    "shown",
+    "joins",
     "friction",
     "works",
 )

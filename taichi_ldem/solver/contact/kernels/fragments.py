@@ -60,6 +60,9 @@ STICK = 0.1
 TINY = 1e-12
 """Least distance of two nodes, over that of contact, that has a direction."""
 
+OF_LISTED = ("ends", "friction", "home", "loose", "shown", "joins")
+"""Fields of a checkpoint with a value for each listed node."""
+
 # the entries of ``works``
 ELASTIC, PLATE_BEFORE, LOST = range(3)
 
@@ -185,6 +188,8 @@ class Fragments(NearbyPairs):
             "pairs": self.pairs.to_numpy()[: ends[-1] if size else 0],
             "home": self.home.to_numpy()[:size],
             "loose": self.loose.to_numpy()[:size],
+            "shown": self.shown.to_numpy()[:size],
+            "joins": self.joins.to_numpy()[:size],
             "friction": self.friction.to_numpy()[:size],
             "works": self.works.to_numpy()[: self.most],
         }
@@ -198,7 +203,7 @@ class Fragments(NearbyPairs):
         nodes, ends, pairs = saved["nodes"], saved["ends"], saved["pairs"]
         size, total = len(nodes), len(pairs)
         fits = size <= len(saved["works"]) <= self.capacity and total <= self.pairs.shape[0]
-        fits &= all(len(saved[name]) == size for name in ("ends", "friction", "home", "loose"))
+        fits &= all(len(saved[name]) == size for name in OF_LISTED)
         fits &= total == (ends[-1] if size else 0) and not (np.diff(ends, prepend=0) < 0).any()
         for numbers, limit in ((nodes, self._node_numbers()), (pairs, size)):
             fits &= not len(numbers) or bool(numbers.min() >= 0 and numbers.max() < limit)
@@ -212,6 +217,8 @@ class Fragments(NearbyPairs):
             ("pairs", self.pairs),
             ("home", self.home),
             ("loose", self.loose),
+            ("shown", self.shown),
+            ("joins", self.joins),
             ("friction", self.friction),
             ("works", self.works),
         ):
@@ -331,7 +338,8 @@ class Fragments(NearbyPairs):
                         b = a
                 else:
                     other = self.dust_after[b]
-                if a != b and not self.are_joined(a, b):
+                shown = self.shown[a] + self.shown[b] > 0
+                if a != b and shown and not self.are_joined(a, b):
                     one, rubbed, energy = self.contact(a, b, spacing, time_step)
                     push += one
                     drag += rubbed

@@ -10,9 +10,9 @@ is wrapped around, so that it has no ends that debris could leave: nodes that sh
 are far apart. Atomics add whole numbers only, whose order does not matter; the order of every list
 is fixed, and with it the order of all sums.
 
-A single node that flies off at hundreds of metres a second would ask for a new list every few
-steps. Such *dust*, fast nodes with at most LOOSE bars, has no partners in the list: wherever it is
-in a step, it is compared with what was listed in the cells around it, and with other dust.
+A node that flies off at hundreds of metres a second would ask for a new list every few steps. Such
+*dust*, listed nodes that are fast, has no partners in the list: wherever it is in a step, it is
+compared with what was listed in the cells around it, and with other dust.
 """
 
 import math
@@ -36,9 +36,6 @@ LONGEST = 64
 
 FEWEST = 16
 """Steps between two listings that a fast node would allow if it had partners in the list."""
-
-LOOSE = 2
-"""Most bars of a fast node that is dust."""
 
 LATE = 0.45
 """Share of the skin that a node may cover since the listing: less than a half, as the list is made
@@ -85,8 +82,7 @@ class NearbyPairs(NearbyNodes):
             FAST, the speed from which a node may be dust (m/s).
         position, home, mass: of the listed nodes, now and when they were listed, m and kg.
         pairs: partners, as places in the list; those of node a end before ``pair_ends[a]``.
-        bare, flying, marks: a bit for each column of a piece of a row: its node is bare, dust, or
-            listed.
+        bare, marks: a bit for each column of a piece of a row: its node is bare, or listed.
         loose, shown: 1 for listed nodes that are dust, or bare. dust: places in the list of dust.
         joins: a bit for each bar of a listed node, as in ``UnitCell.scalars``, that pushes its ends
             apart. between: the place there of a bar between two nodes; -1 where there is none.
@@ -104,7 +100,6 @@ class NearbyPairs(NearbyNodes):
         self.home = field_apart(ti.f64, self.capacity, 3)
         self.loose = field_apart(ti.i32, self.capacity)
         self.dust = field_apart(ti.i32, self.capacity)
-        self.flying = field_apart(ti.i32, self.marks.shape[0])
         self.joins = field_apart(ti.i32, self.capacity)
         self.shown = field_apart(ti.i32, self.capacity)
         self.between = field_apart(ti.i32, cell.sublattices**2 * 27)
@@ -209,44 +204,28 @@ class NearbyPairs(NearbyNodes):
         for s in ti.static(range(self.dynamics.cell.sublattices)):
             for lane in range(self.dynamics.lanes.width):
                 self.bare[self.word_of(s, k, j, lane, word)] = 0
-                self.flying[self.word_of(s, k, j, lane, word)] = 0
             for m in range(begin, ti.min(begin + WORD, HALO + self.dynamics.lanes.length)):
                 lanes = 0
                 for home in ti.static(self.homes[s]):
                     lanes |= int(self.dynamics.touched[k + home[0], j + home[1], m + home[2]])
                 if lanes != 0:
                     for lane in range(self.dynamics.lanes.width):
-                        if (lanes >> lane) & 1:
-                            lost, left = self.bars_of(s, k, j, m, lane)
-                            if lost > 0:
-                                at = self.word_of(s, k, j, lane, word)
-                                self.bare[at] = self.bare[at] | 1 << (m - begin)
-                                i = self.dynamics.site_of(m, lane)
-                                place = self.place(now, s, k, j, i, spacing)
-                                v = ti.cast(self.dynamics.node_velocity(s, k, j, i), ti.f64)
-                                cells = 0
-                                if left <= LOOSE and v.norm() > self.numbers[FAST]:
-                                    self.flying[at] = self.flying[at] | 1 << (m - begin)
-                                    self.note_speed(DUST, v)
-                                    v *= ti.cast(time_step, ti.f64) * LONGEST
-                                    cells = int(v.norm() / self.numbers[REACH]) + 1
-                                    cells = ti.max(1, ti.min(cells, FARTHEST))
-                                    v /= cells
-                                for cell in range(cells + 1):
-                                    self.heat(place + cell * v)
+                        if (lanes >> lane) & 1 and self.has_lost_a_bar(s, k, j, m, lane):
+                            at = self.word_of(s, k, j, lane, word)
+                            self.bare[at] = self.bare[at] | 1 << (m - begin)
+                            i = self.dynamics.site_of(m, lane)
+                            place = self.place(now, s, k, j, i, spacing)
+                            v = ti.cast(self.dynamics.node_velocity(s, k, j, i), ti.f64)
+                            self.heat_way(place, v, ti.cast(time_step, ti.f64))
 
     @ti.func
-    def bars_of(self, s: ti.template(), k, j, m, lane):
-        """Numbers of a node's bars that have failed or were removed, and of those that are left."""
-        lost, left = 0, 0
+    def has_lost_a_bar(self, s: ti.template(), k, j, m, lane):
+        """Whether a bar of a node has failed or was removed."""
+        lost = False
         for bar, home in ti.static(self.dynamics.cell.scalars[s]):
             at = ti.Struct(k=k + home[0], j=j + home[1], m=m + home[2])
-            kind = ti.static(self.dynamics.cell.stiffness_kind[bar])
-            if self.is_gone(bar, at, lane):
-                lost += 1
-            elif self.dynamics.stiffness[int(self.dynamics.code[at.k, at.j, at.m][lane])][kind] > 0:
-                left += 1
-        return lost, left
+            lost |= self.is_gone(bar, at, lane)
+        return lost
 
     @ti.func
     def is_gone(self, bar: ti.template(), at: ti.template(), lane):
@@ -301,6 +280,16 @@ class NearbyPairs(NearbyNodes):
         cell = self.cell_of(place)
         for z, y, x in ti.ndrange((-1, 2), (-1, 2), (-1, 2)):
             self.hot[self.beside(cell, z, y, x)] = 1
+
+    @ti.func
+    def heat_way(self, place, velocity, time_step):
+        """Mark the cells around a bare node, and where it is dust also around its way."""
+        cells, way = 0, velocity * time_step * LONGEST
+        if velocity.norm() > self.numbers[FAST]:
+            self.note_speed(DUST, velocity)
+            cells = int(ti.min(way.norm() / self.numbers[REACH], FARTHEST - 1.0)) + 1
+        for n in range(cells + 1):
+            self.heat(place + n * way / ti.max(cells, 1))
 
     @ti.func
     def mark(self, now, k, j, word, spacing, duration):
@@ -370,8 +359,9 @@ class NearbyPairs(NearbyNodes):
             s, k, j, i = self.site_of(a)
             self.home[a] = self.place(now, s, k, j, i, spacing)
             self.mass[a] = ti.cast(self.dynamics.node_mass(s, k, j, i), ti.f64)
-            self.loose[a] = self.bit_of(self.flying, a)
-            self.shown[a] = self.bit_of(self.bare, a)
+            velocity = ti.cast(self.dynamics.node_velocity(s, k, j, i), ti.f64)
+            self.loose[a] = int(velocity.norm() > self.numbers[FAST])
+            self.shown[a] = self.is_bare(a)
             self.joins[a] = self.bars_that_push(a)
 
     @ti.kernel
@@ -440,12 +430,12 @@ class NearbyPairs(NearbyNodes):
         return found
 
     @ti.func
-    def bit_of(self, marks: ti.template(), a):
-        """The bit of a listed node among the marks of rows."""
+    def is_bare(self, a):
+        """1 for a listed node that has lost a bar, else 0."""
         s, k, j, i = self.site_of(a)
         m, lane = self.dynamics.column_of(i)
         word, bit = (m - HALO) // WORD, (m - HALO) % WORD
-        return (marks[self.word_of(s, k, j, lane, word)] >> bit) & 1
+        return (self.bare[self.word_of(s, k, j, lane, word)] >> bit) & 1
 
     @ti.func
     def are_joined(self, a, b):

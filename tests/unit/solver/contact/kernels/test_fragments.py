@@ -380,7 +380,7 @@ def test_the_bytes_are_those_of_the_lists(fragments: "Fragments") -> None:
     lists = [f for f in fragments.fields().values() if f.shape[0] >= fragments.capacity]
     n = fragments.hot.shape[0]
     cells = [f for f in fragments.fields().values() if f.shape[0] in (n, n + 1)]
-    marks = (fragments.bare, fragments.flying, fragments.marks)
+    marks = (fragments.bare, fragments.marks)
     lists = [f for f in lists if not any(f is other for other in (*cells, *marks))]
     lattice = fragments.dynamics.lattice
     said = bytes_of(lattice.modules, lattice.cell.sublattices, 8)
