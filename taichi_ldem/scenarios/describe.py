@@ -16,7 +16,7 @@ from taichi_ldem.scenarios import leave_out
 from taichi_ldem.scenarios.resolution import unresolved
 from taichi_ldem.scene import Scene
 from taichi_ldem.scene.weibull import strength_by_volume
-from taichi_ldem.solver.contact import CONTACTS
+from taichi_ldem.solver.contact import CONTACTS, FRAGMENTS
 from taichi_ldem.solver.fields import Features
 from taichi_ldem.solver.memory import field_bytes, refuse_too_large
 
@@ -40,6 +40,9 @@ LIGHTEST, HEAVIEST = 10.0, 25e3
 
 SOFTEST = 1e6
 """Young's modulus below which MPa or GPa are more likely, Pa: rubber is stiffer."""
+
+SAFE_WITH_PIECES = 0.7
+"""Share of the critical time step above which pieces that touch are remarked on."""
 
 ROUNDED = 1e-4
 """Relative change of a side by rounding to whole modules above which a remark is made."""
@@ -132,6 +135,11 @@ def warnings(scene: Scene, steps: int | None = None) -> list[str]:
         lines.append(
             "plate.perturbation makes the lattice softer than these constants, by about its square "
             "(docs/disorder.md)"
+        )
+    if FRAGMENTS.table(scene) is not None and scene.solver.safety > SAFE_WITH_PIECES:
+        lines.append(
+            f"solver.safety = {scene.solver.safety:g}: pieces that touch raise the highest "
+            f"frequency, take at most {SAFE_WITH_PIECES:g} (docs/fragment-contact.md)"
         )
     if scene.solver.allow_unstable:
         lines.append("solver.allow_unstable = true: the time step may be above the critical one")
