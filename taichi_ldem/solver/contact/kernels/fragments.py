@@ -119,7 +119,7 @@ class Fragments(NearbyPairs):
         lattice, edge = self.dynamics.lattice, bars_of(scene)[0]
         assert scene.contact is not None
         whole = scene.material.density * lattice.spacing**3 * lattice.cell.node_shares[255, 0]
-        distance = distance_of_contact(self.dynamics)
+        self.distance = distance = distance_of_contact(self.dynamics)
         stiffness = 2 * STIFFER * edge.axial_stiffness / edge.length / whole
         numbers = (distance, (1 + SKIN) * distance, stiffness, scene.contact.friction, np.inf)
         self.numbers.from_numpy(np.array(numbers))
@@ -226,6 +226,7 @@ class Fragments(NearbyPairs):
             padded[:] = 0
             padded[: len(saved[name])] = saved[name]
             field.from_numpy(padded)
+        self.moved.fill(0)
         self._weigh(size)
         self._sort_cells()
         padded = self.pair_ends.to_numpy()

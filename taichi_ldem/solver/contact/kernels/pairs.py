@@ -77,9 +77,10 @@ class NearbyPairs(NearbyNodes):
 
     Attributes:
         size, dust_size: numbers of listed nodes, and of those that are dust.
+        distance: at which nodes touch, m.
         next_listing: step at which the list has to be made again.
         numbers: DISTANCE, REACH (m), STIFFNESS (N/m for a reduced mass of 1 kg), FRICTION, and
-            FAST, the speed from which a node may be dust (m/s).
+            FAST, the speed from which a node is dust (m/s).
         position, home, mass: of the listed nodes, now and when they were listed, m and kg.
         pairs: partners, as places in the list; those of node a end before ``pair_ends[a]``.
         bare, marks: a bit for each column of a piece of a row: its node is bare, or listed.
@@ -96,6 +97,7 @@ class NearbyPairs(NearbyNodes):
         lattice, cell = dynamics.lattice, dynamics.cell
         super().__init__(dynamics, most_nodes(lattice.modules, cell.sublattices))
         self.size, self.dust_size, self.next_listing = 0, 0, 0
+        self.distance = distance_of_contact(dynamics)
         self.numbers = field_apart(ti.f64, 5)
         self.home = field_apart(ti.f64, self.capacity, 3)
         self.loose = field_apart(ti.i32, self.capacity)
@@ -110,7 +112,7 @@ class NearbyPairs(NearbyNodes):
         self.pairs = field_apart(ti.i32, most_pairs(self.capacity))
         self.bare = field_apart(ti.i32, self.marks.shape[0])
         self.surface = [field_apart(ti.u8, dynamics.shape) for _ in range(cell.sublattices)]
-        reach = (1 + SKIN) * distance_of_contact(dynamics) / dynamics.spacing
+        reach = (1 + SKIN) * self.distance / dynamics.spacing
         self.dims = tuple(max(8, math.ceil(n / reach) + 2) for n in lattice.modules)
         cells = math.prod(self.dims)
         self.hot = field_apart(ti.i32, cells)
@@ -143,8 +145,8 @@ class NearbyPairs(NearbyNodes):
             TooManyNodes: there are more pairs than the list holds.
         """
         spacing = self.dynamics.lattice.spacing
-        skin = SKIN * float(self.numbers[DISTANCE])
-        self.numbers[FAST] = skin / (2 * FEWEST * time_step) if time_step > 0 else math.inf
+        limit = 2 * FEWEST * time_step
+        self.numbers[FAST] = SKIN * self.distance / limit if limit > 0 else math.inf
         self._expose(now, spacing, time_step)
         self._list(now, spacing, 0.0)
         self.size = int(self.count[0])
@@ -174,9 +176,9 @@ class NearbyPairs(NearbyNodes):
     def _steps(self, time_step: float) -> int:
         """Most steps until the list has to be made again."""
         ways = time_step * np.sqrt(self.fastest.to_numpy().astype(np.float64))
-        reach = float(self.numbers[REACH])
+        reach = (1 + SKIN) * self.distance
         # what is not listed may come nearer by half of the skin, and dust may fly so far
-        allowed = 0.5 * SKIN * float(self.numbers[DISTANCE]), (FARTHEST - 1) * reach
+        allowed = 0.5 * SKIN * self.distance, (FARTHEST - 1) * reach
         steps = [free / way for free, way in zip(allowed, ways, strict=True) if way > 0]
         return max(1, int(min([LONGEST, *steps])))
 
@@ -287,7 +289,9 @@ class NearbyPairs(NearbyNodes):
         cells, way = 0, velocity * time_step * LONGEST
         if velocity.norm() > self.numbers[FAST]:
             self.note_speed(DUST, velocity)
-            cells = int(ti.min(way.norm() / self.numbers[REACH], FARTHEST - 1.0)) + 1
+            # beyond the farthest cell it does not come: the list is made again before
+            way *= ti.min(1.0, (FARTHEST - 1) * self.numbers[REACH] / way.norm())
+            cells = int(way.norm() / self.numbers[REACH]) + 1
         for n in range(cells + 1):
             self.heat(place + n * way / ti.max(cells, 1))
 

@@ -1,5 +1,6 @@
 """Pieces that touch: two halves of a block that are thrown at each other."""
 
+from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
@@ -24,11 +25,18 @@ STEPS = 360
 """Steps in which the pieces meet, and part again."""
 
 
+CRITICAL = 1.6527e-7
+"""The critical time step of the block, s: its estimate would compile kernels of its own."""
+
+
 @pytest.fixture(scope="module")
-def pieces(taichi: None) -> Pieces:
+def pieces(taichi: None) -> Iterator[Pieces]:
+    from taichi_ldem.solver import stability
     from taichi_ldem.solver.simulation import Simulation
 
-    return Pieces(Simulation(scene_of_pieces()))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(stability, "critical_time_step", lambda dynamics: CRITICAL)
+        yield Pieces(Simulation(scene_of_pieces()))
 
 
 @pytest.fixture(scope="module")
@@ -163,9 +171,8 @@ def test_a_resumed_hit_goes_on_bitwise(pieces: Pieces) -> None:
     for resumed in (False, True):
         if resumed:
             s.reset(s.scene)
-            s.compile()
             s.restore_state(saved)
-        rows = [(*vars(a.ledger).values(), *a.observed.values()) for a in pieces.fly(100)]
+        rows = [(*vars(a.ledger).values(), *a.observed.values()) for a in pieces.fly(40)]
         ends.append((rows, pieces.positions, pieces.velocity))
     assert ends[0][0] == ends[1][0]
     assert max(row[5] for row in ends[0][0]) > 0
@@ -183,6 +190,22 @@ def test_a_state_of_another_lattice_is_refused(pieces: Pieces) -> None:
         broken[f"fragments/{name}"][0] = wrong
         with pytest.raises(ValueError, match="pairs of nodes that may touch"):
             s.restore_state(broken)
+
+
+@pytest.mark.slow  # kernels of four unrolled steps take a minute to compile
+def test_whole_passes_as_on_a_gpu_are_the_same_steps(pieces: Pieces) -> None:
+    from taichi_ldem.solver.simulation import Simulation
+
+    passes = Pieces(Simulation(pieces.simulation.scene, in_strips=False))
+    ends = []
+    for each in (pieces, passes):
+        each.throw()
+        each.simulation.advance(100)
+        ends.append((each.positions, each.fly(1)[0].ledger))
+    np.testing.assert_array_equal(ends[0][0], ends[1][0])
+    assert ends[0][1].touching > 0
+    for one, two in zip(*(vars(ledger).values() for _, ledger in ends), strict=True):
+        assert one == pytest.approx(two, rel=1e-13)  # summed in another order
 
 
 # -- which pairs are looked at --------------------------------------------------------------------
@@ -254,7 +277,7 @@ def test_when_the_lists_are_made_changes_no_bit(pieces: Pieces) -> None:
     ends = []
     for always in (False, True):
         pieces.throw()
-        pieces.fly(200, list_always=always)
+        pieces.fly(120, list_always=always)
         ends.append(pieces.positions)
     np.testing.assert_array_equal(*ends)
     assert pieces.simulation.fragments.reading().lost > 0
