@@ -6,7 +6,12 @@ from support.blocks import DAMAGE, block_scene
 from support.paths import CONFIGS
 
 from taichi_ldem.scenarios.describe import left_out
-from taichi_ldem.scenarios.leave_out import KERNELS_OF_EVERYTHING, everything, kernels
+from taichi_ldem.scenarios.leave_out import (
+    KERNELS_OF_EVERYTHING,
+    everything,
+    kernels,
+    kernels_of_everything,
+)
 from taichi_ldem.scene import load_scene
 from taichi_ldem.solver.memory import field_bytes
 
@@ -33,6 +38,19 @@ def test_a_free_vibration_needs_seven_tenths_of_an_impact_s_bytes() -> None:
     impact, modes = by_name["impact"], by_name["modes"]
     assert modes.plate.modules == impact.plate.modules
     assert field_bytes(modes) <= 0.7 * field_bytes(impact)
+
+
+def test_pieces_touch_in_everything_only_where_the_scene_lets_them() -> None:
+    scene = block_scene(12, 12, 2, material=DAMAGE)
+    touching = scene.changed("contact.fragments=true", "contact.friction=0.3")
+    assert everything(scene).contact is None
+    assert everything(touching).contact == touching.contact
+    added = kernels_of_everything(touching) - kernels_of_everything(scene)
+    fragments = SimpleNamespace(kernel_names=lambda: ["contact: a", "pairs near: a"])
+    features = SimpleNamespace(damage=False, crack=False)
+    dynamics = SimpleNamespace(features=features, in_strips=True)
+    simulation = SimpleNamespace(dynamics=dynamics, bodies=[], fragments=fragments)
+    assert len(kernels(simulation)) == 2 + added  # type: ignore[arg-type]
 
 
 def test_kernels_are_those_of_the_features() -> None:
