@@ -276,8 +276,11 @@ class Fragments(NearbyPairs):
             way, least = place - self.home[a], LATE * SKIN * self.numbers[DISTANCE]
             if self.loose[a] != 0:
                 cell = self.cell_of(place)
-                for z, y, x in ti.ndrange((-1, 2), (-1, 2), (-1, 2)):
-                    self.dusty[self.beside(cell, z, y, x)] = self.stamp[0]
+                low, high = self.cells_within(place, self.numbers[DISTANCE])
+                for z in range(low[2], high[2] + 1):
+                    for y in range(low[1], high[1] + 1):
+                        for x in range(low[0], high[0] + 1):
+                            self.dusty[self.beside(cell, z, y, x)] = self.stamp[0]
             elif way.dot(way) > least * least:
                 self.moved[0] = 1
         ti.loop_config(serialize=True)
@@ -322,8 +325,13 @@ class Fragments(NearbyPairs):
         """The same for contacts with dust, and of dust with the listed nodes around it."""
         push, drag = vec3d(0.0, 0.0, 0.0), vec3d(0.0, 0.0, 0.0)
         elastic, middle = ti.cast(0.0, ti.f64), self.cell_of(self.position[a])
-        for z, y, x in ti.ndrange((-1, 2), (-1, 2), (-1, 2)):
-            cell = self.beside(middle, z, y, x)
+        # what was listed has moved since
+        radius = (1 + 0.5 * SKIN) * self.numbers[DISTANCE]
+        low, high = self.cells_within(self.position[a], radius)
+        size = high - low + 1
+        for n in range(size[0] * size[1] * size[2]):
+            x, y = low[0] + n % size[0], low[1] + n // size[0] % size[1]
+            cell = self.beside(middle, low[2] + n // (size[0] * size[1]), y, x)
             at, end, other = 0, 0, -1
             if self.loose[a] != 0:
                 at, end = self.starts[cell], self.starts[cell + 1]

@@ -272,6 +272,17 @@ class NearbyPairs(NearbyNodes):
         return index
 
     @ti.func
+    def cells_within(self, place, radius):
+        """Offsets along x, y, z of the first and last cell within less than a cell of a place."""
+        first, last = ti.Vector([0, 0, 0]), ti.Vector([0, 0, 0])
+        for axis in ti.static(range(3)):
+            along = place[axis] / self.numbers[REACH]
+            inside = (along - ti.floor(along)) * self.numbers[REACH]
+            first[axis] = -int(inside < radius)
+            last[axis] = int(self.numbers[REACH] - inside < radius)
+        return first, last
+
+    @ti.func
     def number_of(self, place):
         """Number of the cell of a place."""
         return self.beside(self.cell_of(place), 0, 0, 0)
