@@ -328,31 +328,42 @@ class Fragments(NearbyPairs):
         # what was listed has moved since
         radius = (1 + 0.5 * SKIN) * self.numbers[DISTANCE]
         low, high = self.cells_within(self.position[a], radius)
-        size = high - low + 1
-        for n in range(size[0] * size[1] * size[2]):
-            x, y = low[0] + n % size[0], low[1] + n // size[0] % size[1]
-            cell = self.beside(middle, low[2] + n // (size[0] * size[1]), y, x)
-            at, end, other = 0, 0, -1
-            if self.loose[a] != 0:
-                at, end = self.starts[cell], self.starts[cell + 1]
-            if self.dusty_in[cell] == self.stamp[0]:
-                other = self.dust_in[cell]
-            # what was listed in the cell, then the dust that is in it now
-            while at < end or other >= 0:
-                b = other
-                if at < end:
-                    b = self.members[at]
-                    at += 1
-                    if self.loose[b] != 0:
-                        b = a
-                else:
-                    other = self.dust_after[b]
-                shown = self.shown[a] + self.shown[b] > 0
-                if a != b and shown and not self.are_joined(a, b):
-                    one, rubbed, energy = self.contact(a, b, spacing, time_step)
+        for z in range(low[2], high[2] + 1):
+            for y in range(low[1], high[1] + 1):
+                for x in range(low[0], high[0] + 1):
+                    cell = self.beside(middle, z, y, x)
+                    one, rubbed, energy = self.in_cell(a, cell, spacing, time_step)
                     push += one
                     drag += rubbed
                     elastic += energy
+        return push, drag, elastic
+
+    @ti.func
+    def in_cell(self, a, cell, spacing, time_step):
+        """The same for one cell: what was listed in it, then the dust that is in it now."""
+        push, drag = vec3d(0.0, 0.0, 0.0), vec3d(0.0, 0.0, 0.0)
+        elastic, least = ti.cast(0.0, ti.f64), self.numbers[DISTANCE]
+        at, end, other = 0, 0, -1
+        if self.loose[a] != 0:
+            at, end = self.starts[cell], self.starts[cell + 1]
+        if self.dusty_in[cell] == self.stamp[0]:
+            other = self.dust_in[cell]
+        while at < end or other >= 0:
+            b = other
+            if at < end:
+                b = self.members[at]
+                at += 1
+                if self.loose[b] != 0:
+                    b = a
+            else:
+                other = self.dust_after[b]
+            away = self.position[a] - self.position[b]
+            near = a != b and away.dot(away) < least * least
+            if near and self.shown[a] + self.shown[b] > 0 and not self.are_joined(a, b):
+                one, rubbed, energy = self.contact(a, b, spacing, time_step)
+                push += one
+                drag += rubbed
+                elastic += energy
         return push, drag, elastic
 
     @ti.func

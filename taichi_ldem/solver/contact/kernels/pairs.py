@@ -412,9 +412,12 @@ class NearbyPairs(NearbyNodes):
             begin, found, middle = 0, 0, self.cell_of(self.home[a])
             if write != 0:
                 begin = self.first_pair(a)
-            for z, y, x in ti.ndrange((-1, 2), (-1, 2), (-1, 2)):
-                cell = self.beside(middle, z, y, x)
-                for n in range(self.starts[cell], self.starts[cell + 1]):
+            # cells above each other follow each other, but for the ends of the grid
+            within = 0 < middle[2] < ti.static(self.dims[2] - 1)
+            for part, y, x in ti.ndrange(ti.select(within, 1, 3), (-1, 2), (-1, 2)):
+                low, high = ti.select(within, -1, part - 1), ti.select(within, 1, part - 1)
+                last = self.starts[self.beside(middle, high, y, x) + 1]
+                for n in range(self.starts[self.beside(middle, low, y, x)], last):
                     if self.may_touch(a, self.members[n]):
                         if write != 0:
                             self.pairs[begin + found] = self.members[n]
