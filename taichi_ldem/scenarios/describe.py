@@ -16,7 +16,7 @@ from taichi_ldem.scenarios import leave_out
 from taichi_ldem.scenarios.resolution import unresolved
 from taichi_ldem.scene import Scene
 from taichi_ldem.scene.weibull import strength_by_volume
-from taichi_ldem.solver.contact import BODIES
+from taichi_ldem.solver.contact import BODIES, CONTACTS, FRAGMENTS
 from taichi_ldem.solver.fields import Features
 from taichi_ldem.solver.memory import field_bytes, refuse_too_large
 
@@ -40,6 +40,9 @@ LIGHTEST, HEAVIEST = 10.0, 25e3
 
 SOFTEST = 1e6
 """Young's modulus below which MPa or GPa are more likely, Pa: rubber is stiffer."""
+
+SAFE_WITH_PIECES = 0.7
+"""Share of the critical time step above which pieces that touch are remarked on."""
 
 ROUNDED = 1e-4
 """Relative change of a side by rounding to whole modules above which a remark is made."""
@@ -133,6 +136,11 @@ def warnings(scene: Scene, steps: int | None = None) -> list[str]:
             "plate.perturbation makes the lattice softer than these constants, by about its square "
             "(docs/disorder.md)"
         )
+    if FRAGMENTS.table(scene) is not None and scene.solver.safety > SAFE_WITH_PIECES:
+        lines.append(
+            f"solver.safety = {scene.solver.safety:g}: pieces that touch raise the highest "
+            f"frequency, take at most {SAFE_WITH_PIECES:g} (docs/fragment-contact.md)"
+        )
     if scene.solver.allow_unstable:
         lines.append("solver.allow_unstable = true: the time step may be above the critical one")
     return lines
@@ -203,10 +211,10 @@ def _steps(scene: Scene) -> float:
 
 
 def left_out(scene: Scene) -> list[str]:
-    """Features and bodies that the scene does not have, and why: neither allocated nor compiled."""
-    bodies = [body.absent for body in BODIES if body.table(scene) is None]
+    """What the scene does not have, and why: neither allocated nor compiled."""
+    contacts = [contact.absent for contact in CONTACTS if contact.table(scene) is None]
     smooth = [line for body in BODIES if (line := body.without_friction(scene))]
-    return [*Features.of(scene).left_out(), *bodies, *smooth]
+    return [*Features.of(scene).left_out(), *contacts, *smooth]
 
 
 def _disorder(scene: Scene, drawn: dict[str, tuple[float, float]]) -> dict[str, str]:
@@ -257,7 +265,7 @@ def _against_everything(scene: Scene, simulation: "Simulation", measured: bool) 
     own, whole = field_bytes(scene), field_bytes(full)
     texts = [f"{1e-6 * number:.2f}" for number in (own, whole)]
     table.add_row("MB of nodes and bars", *texts, f"{100 * own / whole:.0f} %")
-    table.add_row("kernels", str(cost.kernels), str(leave_out.KERNELS_OF_EVERYTHING))
+    table.add_row("kernels", str(cost.kernels), str(leave_out.kernels_of_everything(scene)))
     return table
 
 

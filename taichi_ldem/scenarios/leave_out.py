@@ -1,8 +1,8 @@
 """The cost of a scene compared with that of everything switched on: fields, bytes, kernels, time.
 
-Everything means all features of ``solver.fields``, a striker and rings that rub, on the scene's own
-lattice and in its precision. Both are measured in turn in processes of their own, and medians are
-taken.
+Everything means all features of ``solver.fields``, a striker and rings that rub, and contact of
+pieces where the scene has it, on the scene's own lattice and in its precision. Both are measured in
+turn in processes of their own, and medians are taken.
 ``python -m taichi_ldem.scenarios.leave_out SCENE.toml`` prints one cost as JSON.
 """
 
@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_ldem.scene import Scene, load_scene, parse_scene, scene_to_toml
+from taichi_ldem.solver.contact import FRAGMENTS
 from taichi_ldem.solver.fields import tables_of_all_features
 
 if TYPE_CHECKING:
@@ -65,6 +66,8 @@ def everything(scene: Scene) -> Scene:
         "solver": data["solver"],
         "output": data["output"],
     }
+    if FRAGMENTS.table(scene) is not None:
+        tables["contact"] = data["contact"]
     for feature in tables_of_all_features(scene):
         for name, table in feature.items():
             tables[name] = table if isinstance(table, list) else tables.get(name, {}) | table
@@ -72,13 +75,24 @@ def everything(scene: Scene) -> Scene:
 
 
 KERNELS_OF_EVERYTHING = 8
-"""Number of ``kernels`` that a scene of ``everything`` compiles."""
+"""Number of ``kernels`` that a scene of ``everything`` compiles, without contact of pieces."""
+
+KERNELS_OF_PIECES = 2
+"""Number of ``kernels`` that contact of pieces adds."""
+
+
+def kernels_of_everything(scene: Scene) -> int:
+    """Number of ``kernels`` that the scene compiles with everything switched on."""
+    touch = FRAGMENTS.table(scene) is not None
+    return KERNELS_OF_EVERYTHING + KERNELS_OF_PIECES * touch
 
 
 def kernels(simulation: "Simulation") -> list[str]:
     """The kernels that a run of the simulation compiles, apart from those that copy fields."""
     found = ["step", "energies"]
     found += [kernel for body in simulation.bodies for kernel in body.kernel_names()]
+    if simulation.fragments is not None:
+        found += simulation.fragments.kernel_names()
     if simulation.dynamics.features.damage:
         found.append("broken bars")
     if simulation.dynamics.features.crack and simulation.dynamics.in_strips:

@@ -28,7 +28,7 @@ from taichi_ldem.scenarios.progress import announce, make_console, progress
 from taichi_ldem.scenarios.registry import entry_of
 from taichi_ldem.scene import Scene, parse_scene, scene_to_toml
 from taichi_ldem.solver import backend
-from taichi_ldem.solver.contact import bodies_of, observables
+from taichi_ldem.solver.contact import bodies_of, contacts_of, observables
 from taichi_ldem.solver.memory import peak_bytes, refuse_too_large
 from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.storage.history import HistoryWriter
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 def columns(scene: Scene) -> list[str]:
     """Names of the history's columns, which depend on the features that the scene names."""
-    present = bodies_of(scene)
+    present = contacts_of(scene)
     own = [observable for body in present for observable in body.observables]
     names = {
         "time_s": True,

@@ -1,6 +1,6 @@
 """Scene files: TOML tables in SI units, read once and checked as a whole."""
 
-from taichi_ldem.scene.bodies import Clamp, Floor, Grips, Striker, Supports
+from taichi_ldem.scene.bodies import Clamp, Contact, Floor, Grips, Striker, Supports
 from taichi_ldem.scene.checks import SCENARIOS, ScenarioRules, register_scenario
 from taichi_ldem.scene.load import Override
 from taichi_ldem.scene.messages import NATURAL
@@ -38,6 +38,7 @@ __all__ = [
     "SCENARIOS",
     "TABLES",
     "Clamp",
+    "Contact",
     "Disorder",
     "Floor",
     "Grips",

@@ -1,11 +1,11 @@
-"""Tables of the rigid bodies: what strikes, holds, supports or pulls the specimen."""
+"""Tables of contact: what strikes, holds, supports or pulls the specimen, and its own pieces."""
 
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
 from taichi_ldem.scene.names import NOSE_NAMES
-from taichi_ldem.scene.values import NonNegative, OneOf, Positive, Real, Table, refuse, show
+from taichi_ldem.scene.values import Flag, NonNegative, OneOf, Positive, Real, Table, refuse, show
 
 NoseName = Annotated[str, BeforeValidator(OneOf(NOSE_NAMES))]
 
@@ -109,6 +109,25 @@ class Floor(Table):
     friction: NonNegative = Field(
         default=0.0, description="coefficient of Coulomb friction between floor and plate"
     )
+
+
+class Contact(Table):
+    """Contact of pieces of the plate that have parted, and of faces that a notch has cut.
+
+    Nodes that have lost a bar push away each other, and nodes on the faces of the plate, when they
+    come closer than the shortest bar (docs/fragment-contact.md).
+    """
+
+    fragments: Flag = Field(default=False, description="whether pieces of the plate touch")
+    friction: Annotated[Real, Field(ge=0, le=10)] = Field(
+        default=0.0, description="coefficient of Coulomb friction between pieces"
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> "Contact":
+        if self.friction and not self.fragments:
+            raise refuse("contact.friction", self.friction, "needs contact.fragments = true")
+        return self
 
 
 class Supports(Table):

@@ -205,8 +205,10 @@ SCENARIOS = {
         needs=("grips",), without=("striker", "clamp", "floor"), check=_check_tension
     ),
     "bend": ScenarioRules(needs=("striker", "supports"), check=_check_bend),
-    "wave": ScenarioRules(needs=("pulse",), check=_check_wave),
-    "modes": ScenarioRules(breaks=False, defaults={"solver": {"duration": NO_DURATION}}),
+    "wave": ScenarioRules(needs=("pulse",), without=("contact",), check=_check_wave),
+    "modes": ScenarioRules(
+        without=("contact",), breaks=False, defaults={"solver": {"duration": NO_DURATION}}
+    ),
 }
 """The scenarios that ``scenario`` may name, in the order of messages."""
 
@@ -391,6 +393,13 @@ def _check_supports(scene: Scene) -> None:
         raise refuse("supports.diameter", supports.diameter, why)
 
 
+def _check_contact(scene: Scene) -> None:
+    contact = scene.contact
+    if contact is not None and contact.fragments and not (scene.material.damage or scene.notch):
+        why = "needs material.damage = true or a [[notch]], as nothing else makes pieces"
+        raise refuse("contact.fragments", contact.fragments, why)
+
+
 # --- time and machine -----------------------------------------------------------------------------
 
 
@@ -439,6 +448,7 @@ CHECKS: tuple[Callable[[Scene], None], ...] = (
     _check_striker,
     _check_scenario,
     _check_supports,
+    _check_contact,
     _check_output,
     _check_vulkan,
     _check_notches,

@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from taichi_ldem.errors import SceneError
 from taichi_ldem.scene import checks, load, messages
-from taichi_ldem.scene.bodies import Clamp, Floor, Grips, Striker, Supports
+from taichi_ldem.scene.bodies import Clamp, Contact, Floor, Grips, Striker, Supports
 from taichi_ldem.scene.schema import tables_of
 from taichi_ldem.scene.specimen import Notch, Plate
 from taichi_ldem.scene.tables import (
@@ -50,6 +50,7 @@ class Scene(Table, metaclass=_OneLine):
     pulse: Pulse | None = None
     supports: Supports | None = None
     floor: Floor | None = None
+    contact: Contact | None = None
     solver: Solver
     output: Output = Output()
     notch: tuple[Notch, ...] = ()

@@ -32,6 +32,7 @@ class Ledger:
         kinetic_plate, kinetic_bodies, strain: stored energies.
         fracture, damping, contact: energies dissipated since the start.
         external: work that was done from outside since the start.
+        touching: energy stored where pieces of the plate touch.
     """
 
     kinetic_plate: float = 0.0
@@ -41,6 +42,7 @@ class Ledger:
     damping: float = 0.0
     contact: float = 0.0
     external: float = 0.0
+    touching: float = 0.0
 
     @property
     def stored(self) -> float:
@@ -52,12 +54,13 @@ class Ledger:
             + self.fracture
             + self.damping
             + self.contact
+            + self.touching
         )
 
     @property
     def held_by_plate(self) -> float:
         """Energy of the plate: stored, dissipated and lost in contact, J."""
-        own = self.kinetic_plate + self.strain + self.fracture + self.damping
+        own = self.kinetic_plate + self.strain + self.fracture + self.damping + self.touching
         return own + abs(self.contact)
 
     def imbalance(self, start: "Ledger") -> float:

@@ -12,6 +12,8 @@ from taichi_ldem.machine import available_bytes as available_bytes
 from taichi_ldem.machine import peak_bytes as peak_bytes
 from taichi_ldem.model.cell import CELLS
 from taichi_ldem.scene import Scene
+from taichi_ldem.solver.contact import FRAGMENTS
+from taichi_ldem.solver.contact.sizes import bytes_of
 from taichi_ldem.solver.fields import Features, Layout, rows
 
 BASE = 250e6
@@ -42,8 +44,12 @@ def field_bytes(scene: Scene) -> int:
 
 
 def _all_field_bytes(scene: Scene) -> int:
-    """Bytes of all fields of a scene's lattice."""
-    return _bytes(Features.of(scene), _layout(scene))
+    """Bytes of all fields of a scene's lattice, and of the lists of pieces that may touch."""
+    layout = _layout(scene)
+    pieces = 0
+    if FRAGMENTS.table(scene) is not None:
+        pieces = bytes_of(scene.plate.modules, layout.cell.sublattices, layout.real_bytes)
+    return _bytes(Features.of(scene), layout) + pieces
 
 
 @functools.lru_cache(maxsize=64)  # the members of an ensemble are mostly alike in these

@@ -12,13 +12,35 @@ from taichi_ldem.solver.energy import Ledger
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation
 
+OF_ANY_LENGTH = (
+    "nodes",
+    "before",
+    "start",
+    "last",
+    "ends",
+    "pairs",
+    "home",
+    "loose",
+    "shown",
+    "joins",
+    "friction",
+    "works",
+    "impulses",
+)
+"""Fields whose arrays need not be as long as those of another time."""
+
+BEFORE_PIECES = 7
+"""Energies of a ledger in checkpoints that were made before pieces could touch."""
+
 Saved = Mapping[str, npt.NDArray]
 """Arrays by names ``part/field``."""
 
 
 def _parts(simulation: "Simulation") -> dict[str, Any]:
     """The parts that have a state of their own, by name."""
-    return {"dynamics": simulation.dynamics} | {body.name: body for body in simulation.bodies}
+    parts = {"dynamics": simulation.dynamics} | {body.name: body for body in simulation.bodies}
+    pieces = simulation.fragments
+    return parts if pieces is None else parts | {pieces.name: pieces}
 
 
 def saved_state(simulation: "Simulation") -> dict[str, npt.NDArray]:
@@ -84,11 +106,11 @@ def _refuse_unfit(simulation: "Simulation", saved: Saved) -> None:
     for name, values in saved.items():
         own = mine[name]
         # of any length; a body that a later version has added has no impulse yet
-        free = name.endswith(("/nodes", "/before", "/start", "/last", "/impulses"))
+        free = name.partition("/")[2] in OF_ANY_LENGTH
         same = values.shape[1:] == own.shape[1:] if free else values.shape == own.shape
         if not same or values.ndim != own.ndim or values.dtype != own.dtype:
             raise ValueError(f"'{name}' has another shape or type")
-    if len(saved["ledger/start"]) not in (0, len(fields(Ledger))) or (
+    if len(saved["ledger/start"]) not in (0, BEFORE_PIECES, len(fields(Ledger))) or (
         len(saved["ledger/last"]) != bool(len(saved["ledger/start"]))
     ):
         raise ValueError("'ledger' has another shape")

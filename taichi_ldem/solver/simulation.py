@@ -13,8 +13,9 @@ from taichi_ldem.model.lattice import Lattice
 from taichi_ldem.scene import Scene
 from taichi_ldem.solver import guard, saving, stability
 from taichi_ldem.solver.build import build_dynamics, refill_dynamics
-from taichi_ldem.solver.contact import BODIES, in_order_of_resolving
+from taichi_ldem.solver.contact import BODIES, FRAGMENTS, in_order_of_resolving
 from taichi_ldem.solver.contact.kernels.body import LOSS_AFTER, LOSS_BEFORE, RigidBody
+from taichi_ldem.solver.contact.kernels.fragments import Touching
 from taichi_ldem.solver.dynamics import field_bytes
 from taichi_ldem.solver.energy import (
     BROKEN,
@@ -51,6 +52,7 @@ class Simulation:
     Attributes:
         dynamics: the lattice's fields and kernels.
         bodies: the rigid bodies that the scene has, in the order in which a step resolves them.
+        fragments: the contact of pieces of the plate; None where the scene has none.
         drawn: mean and CV of the random factors on the material's properties, by property.
         sampler: reads the sums of plate and bodies.
         time_step, critical_time_step: s.
@@ -79,6 +81,8 @@ class Simulation:
         for part in self.bodies:
             if self.shared and part.meets_others:
                 part.share_nodes()
+        self.fragments: Any = FRAGMENTS.build(self.dynamics, scene, self.time_step)
+        self.pieces_touch = self.fragments is not None
         self.energies = EnergySums(self.dynamics)
         self.sampler = Sampler(self.bodies, self.energies)
         self._start_clock()
@@ -125,6 +129,8 @@ class Simulation:
         for body in BODIES:
             if (body.table(scene) is None) != (self.body(body.name) is None):
                 raise ValueError(f"{body.name}: no other bodies can be added or taken away")
+        if (FRAGMENTS.table(scene) is None) == self.pieces_touch:
+            raise ValueError("contact.fragments: needs other kernels")
         self.drawn = refill_dynamics(self.dynamics, scene, lattice)
         self.scene = scene
         self.now = 0
@@ -132,6 +138,8 @@ class Simulation:
         self._set_off()
         for part in self.bodies:
             part.reset(scene, self.time_step)
+        if self.pieces_touch:
+            self.fragments.reset(scene)
         self._start_clock()
 
     def body(self, name: str) -> Any:
@@ -166,7 +174,9 @@ class Simulation:
         return self.step_number * self.time_step
 
     @ti.func
-    def _resolve(self, now, spacing, time_step, damping):
+    def _resolve(self, now, spacing, time_step, damping, touching):
+        if ti.static(self.pieces_touch):
+            self.fragments.kick(now, time_step, damping, touching)
         for n in ti.static(range(len(self.bodies))):
             self.bodies[n].begin()
         for n in ti.static(range(len(self.bodies))):
@@ -176,43 +186,62 @@ class Simulation:
                 self.bodies[n].record()
 
     @ti.kernel
-    def _contact(self, now: int, spacing: float, time_step: float, damping: float):
-        self._resolve(now, spacing, time_step, damping)
+    def _contact(self, now: int, spacing: float, time_step: float, damping: float, touching: int):
+        self._resolve(now, spacing, time_step, damping, touching)
 
     @ti.kernel
-    def _launch(self, now: int, numbers: StepNumbers, steps: ti.template(), measure: ti.template()):
-        """Take steps in whole passes, all in one kernel, without returning to Python."""
+    def _launch(
+        self,
+        now: int,
+        numbers: StepNumbers,
+        touching: int,
+        dust: int,
+        steps: ti.template(),
+        measure: ti.template(),
+    ):
+        """Take steps in whole passes, all in one kernel, without returning to Python.
+
+        Args:
+            touching, dust: numbers of nodes of pieces that may touch, and of dust among them.
+        """
         other = 1 - now
         for n in ti.static(range(steps)):
             if ti.static(n % 2 == 0):
-                self._pass(now, numbers, measure)
+                self._pass(now, numbers, touching, dust, measure)
             else:
-                self._pass(other, numbers, measure)
+                self._pass(other, numbers, touching, dust, measure)
 
     @ti.func
-    def _pass(self, now, numbers, measure: ti.template()):
+    def _pass(self, now, numbers, touching, dust, measure: ti.template()):
+        spacing, time_step = ti.cast(numbers.spacing, float), ti.cast(numbers.kick, float)
+        damping = ti.cast(numbers.damping, float)
+        if ti.static(self.pieces_touch):
+            self.fragments.find_impulses(now, spacing, time_step, touching, dust)
         self.dynamics.whole_passes(now, numbers, measure)
-        self._resolve(
-            now,
-            ti.cast(numbers.spacing, float),
-            ti.cast(numbers.kick, float),
-            ti.cast(numbers.damping, float),
-        )
+        self._resolve(now, spacing, time_step, damping, touching)
 
     def _take(self, time_step: float, steps: int = 1, measure: bool = False) -> None:
         """Take steps from ``now``; on the CPU one."""
         dynamics, spacing = self.dynamics, self.spacing
+        pieces = self.fragments
+        touching, dust = (pieces.size, pieces.dust_size) if self.pieces_touch else (0, 0)
         if not dynamics.in_strips:
             numbers = dynamics.driver.numbers(time_step, time_step, self.damping)
-            self._launch(self.now, numbers, steps, measure)
+            self._launch(self.now, numbers, touching, dust, steps, measure)
+            if self.pieces_touch:
+                pieces.look_whether_moved()
             return
+        if self.pieces_touch:
+            pieces.press(self.now, spacing, time_step)
         dynamics.step(self.now, time_step, time_step, self.damping, measure)
-        if self.bodies:
-            self._contact(self.now, spacing, time_step, self.damping)
+        if self.bodies or self.pieces_touch:
+            self._contact(self.now, spacing, time_step, self.damping, touching)
 
     def _step(self, steps: int = 1, measure: bool = False) -> None:
         if self.step_number % STEPS_BETWEEN_LISTS == 0:
             self._list_candidates()
+        if self.pieces_touch and self.step_number >= self.fragments.next_listing:
+            self.fragments.list_anew(self.now, self.step_number, self.time_step)
         self._take(self.time_step, steps, measure)
         self.now = (self.now + steps) % 2
         self.step_number += steps
@@ -223,12 +252,19 @@ class Simulation:
             if body.listed_anew:
                 body.list_nodes(self.now, STEPS_BETWEEN_LISTS * self.time_step)
 
+    def _until_listing(self) -> int:
+        """Steps that can be taken before nodes or pairs have to be listed."""
+        until = STEPS_BETWEEN_LISTS - self.step_number % STEPS_BETWEEN_LISTS
+        if self.pieces_touch:
+            # a listing that is due lasts for one step at least
+            until = min(until, max(1, self.fragments.next_listing - self.step_number))
+        return until
+
     def advance(self, steps: int) -> None:
         """Take a number of steps without samples."""
         end = self.step_number + steps
         while self.step_number < end:
-            listing = STEPS_BETWEEN_LISTS - self.step_number % STEPS_BETWEEN_LISTS
-            many = min(listing, end - self.step_number) >= self.steps_a_launch
+            many = min(self._until_listing(), end - self.step_number) >= self.steps_a_launch
             self._step(self.steps_a_launch if many else 1)
 
     def start_from(
@@ -239,6 +275,8 @@ class Simulation:
         dynamics.set_displacement(self.now, np.ascontiguousarray(displacement, dtype=np.float64))
         dynamics.set_velocity(velocity)
         dynamics.kick(self.now, -0.5 * self.time_step, self.damping)
+        if self.pieces_touch:
+            self.fragments.renew(self.step_number)
         if dynamics.features.damping:
             for field in dynamics.damped:
                 field.fill(0)
@@ -258,14 +296,17 @@ class Simulation:
         self.energies.potential(1 - self.now)
         total, readings = self.sampler.collected()
         own = [body.energies(r) for body, r in zip(self.bodies, readings, strict=True)]
+        pieces = self.fragments.reading() if self.pieces_touch else Touching()
+        before = sum(reading.plate_before for reading in readings) + pieces.plate_before
         ledger = Ledger(
-            float(total[KINETIC]) + sum(reading.plate_before for reading in readings),
+            float(total[KINETIC]) + before,
             sum((energies.kinetic for energies in own), 0.0),
             float(total[STRAIN]),
             float(total[FRACTURE]),
             float(total[DAMPED]),
-            sum(energies.contact for energies in own),
+            sum(energies.contact for energies in own) + pieces.lost,
             sum((energies.external for energies in own), 0.0) + sum(total[WORK:].tolist()),
+            float(pieces.elastic),
         )
         if self.initial_ledger is None:
             self.initial_ledger = ledger
@@ -278,7 +319,8 @@ class Simulation:
             ledger.error(start),
             ledger.error_of_plate(start, 1e-3 * start.stored),
             int(total[BROKEN]),
-            self.sampler.observed(readings, at, since, 1 - self.now),
+            self.sampler.observed(readings, at, since, 1 - self.now)
+            | (FRAGMENTS.observed(pieces) if self.pieces_touch else {}),
         )
         self.last_sampled = at
         return sample
@@ -326,8 +368,7 @@ class Simulation:
     def _advance_to(self, step: int, between: Callable[[], None]) -> None:
         between()
         while self.step_number < step:
-            listing = STEPS_BETWEEN_LISTS - self.step_number % STEPS_BETWEEN_LISTS
-            self.advance(min(listing, step - self.step_number))
+            self.advance(min(self._until_listing(), step - self.step_number))
             between()
 
     def guard(self, sample: Sample) -> None:
@@ -346,6 +387,9 @@ class Simulation:
             body.set_nodes(np.zeros(0, dtype=np.int32))
         moving = [body for body in self.bodies if body.state is not None]
         states = [body.state.to_numpy() for body in moving]
+        if self.pieces_touch:
+            pieces = self.fragments.saved_state()
+            self.fragments.compile(self.now)
         self._take(0.0)  # a step of zero length does all the work and changes nothing
         if self.steps_a_launch > 1:
             self._take(0.0, self.steps_a_launch)
@@ -355,6 +399,8 @@ class Simulation:
             body.state.from_numpy(state)
         for body, nodes in zip(self.bodies, listed, strict=True):
             body.set_nodes(nodes)
+        if self.pieces_touch:
+            self.fragments.restore_state(pieces)
         self.sampler.record()
         self.energies.potential(self.now)
         _, readings = self.sampler.collected()
@@ -379,6 +425,9 @@ class Simulation:
         }
         for body in self.bodies:
             sizes |= {name: field_bytes(field) for name, field in body.fields().items()}
+        if self.pieces_touch:
+            fields = self.fragments.fields()
+            sizes |= {name: field_bytes(field) for name, field in fields.items()}
         sums = (self.energies.rows, self.energies.group_sums, self.sampler.recorded)
         return sizes | {"energies": sum(field_bytes(field) for field in sums)}
 

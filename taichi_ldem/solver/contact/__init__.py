@@ -1,4 +1,4 @@
-"""Rigid bodies against the lattice: striker, clamp, grips, supports and floor.
+"""What touches the lattice: striker, clamp, grips, supports, floor, and pieces of it each other.
 
 A body consists of a declaration in this package (its name, its table of the scene, its columns of
 the history, its drawing), which imports no Taichi, and of its kernels in ``kernels``.
@@ -8,16 +8,35 @@ The tuple below is the only list of the bodies: simulation, history and pictures
 from taichi_ldem.scene import Scene
 from taichi_ldem.solver.contact.declaration import Body, Observable
 from taichi_ldem.solver.contact.floor import FLOOR
+from taichi_ldem.solver.contact.fragments import FRAGMENTS
 from taichi_ldem.solver.contact.grips import GRIPS
 from taichi_ldem.solver.contact.rings import RINGS
 from taichi_ldem.solver.contact.striker import STRIKER
 from taichi_ldem.solver.contact.supports import SUPPORTS
 
-__all__ = ["BODIES", "Body", "Observable", "bodies_of", "in_order_of_resolving", "observables"]
+__all__ = [
+    "BODIES",
+    "CONTACTS",
+    "FRAGMENTS",
+    "Body",
+    "Observable",
+    "bodies_of",
+    "contacts_of",
+    "in_order_of_resolving",
+    "observables",
+]
 
 BODIES: tuple[Body, ...] = (STRIKER, RINGS, GRIPS, SUPPORTS, FLOOR)
 """All bodies, in the order of their columns in the history and of their impulses in a checkpoint.
 A new one comes last: checkpoints that were written before have a zero in its place."""
+
+CONTACTS: tuple[Body, ...] = (*BODIES, FRAGMENTS)
+"""All bodies, and the contact of pieces, in the order of their columns in the history."""
+
+
+def contacts_of(scene: Scene) -> list[Body]:
+    """The contacts that a scene has, in the order of ``CONTACTS``."""
+    return [contact for contact in CONTACTS if contact.table(scene) is not None]
 
 
 def bodies_of(scene: Scene) -> list[Body]:
@@ -34,5 +53,5 @@ def in_order_of_resolving() -> list[Body]:
 
 
 def observables(*, energy: bool) -> list[Observable]:
-    """The observables of all bodies that are, or are not, terms of the energy balance."""
-    return [o for body in BODIES for o in body.observables if o.energy == energy]
+    """The observables of all contacts that are, or are not, terms of the energy balance."""
+    return [o for contact in CONTACTS for o in contact.observables if o.energy == energy]

@@ -6,7 +6,12 @@ from support.blocks import DAMAGE, block_scene
 from support.paths import CONFIGS
 
 from taichi_ldem.scenarios.describe import left_out
-from taichi_ldem.scenarios.leave_out import KERNELS_OF_EVERYTHING, everything, kernels
+from taichi_ldem.scenarios.leave_out import (
+    KERNELS_OF_EVERYTHING,
+    everything,
+    kernels,
+    kernels_of_everything,
+)
 from taichi_ldem.scene import load_scene
 from taichi_ldem.solver.memory import field_bytes
 
@@ -23,6 +28,7 @@ def test_everything_leaves_out_only_what_a_plate_cannot_have(file: Path) -> None
         "grips and gauge",
         "support contact",
         "floor contact",
+        "contact of pieces",  # only where a scene has it
     ]
 
 
@@ -34,6 +40,19 @@ def test_a_free_vibration_needs_seven_tenths_of_an_impact_s_bytes() -> None:
     assert field_bytes(modes) <= 0.7 * field_bytes(impact)
 
 
+def test_pieces_touch_in_everything_only_where_the_scene_lets_them() -> None:
+    scene = block_scene(12, 12, 2, material=DAMAGE)
+    touching = scene.changed("contact.fragments=true", "contact.friction=0.3")
+    assert everything(scene).contact is None
+    assert everything(touching).contact == touching.contact
+    added = kernels_of_everything(touching) - kernels_of_everything(scene)
+    fragments = SimpleNamespace(kernel_names=lambda: ["contact: a", "pairs near: a"])
+    features = SimpleNamespace(damage=False, crack=False)
+    dynamics = SimpleNamespace(features=features, in_strips=True)
+    simulation = SimpleNamespace(dynamics=dynamics, bodies=[], fragments=fragments)
+    assert len(kernels(simulation)) == 2 + added  # type: ignore[arg-type]
+
+
 def test_kernels_are_those_of_the_features() -> None:
     def body(*names: str) -> SimpleNamespace:
         return SimpleNamespace(kernel_names=lambda: list(names))
@@ -41,7 +60,8 @@ def test_kernels_are_those_of_the_features() -> None:
     def of(damage: bool, *bodies: SimpleNamespace, crack: bool = False) -> list[str]:
         features = SimpleNamespace(damage=damage, crack=crack)
         dynamics = SimpleNamespace(features=features, in_strips=True)
-        return kernels(SimpleNamespace(dynamics=dynamics, bodies=bodies))  # type: ignore[arg-type]
+        simulation = SimpleNamespace(dynamics=dynamics, bodies=bodies, fragments=None)
+        return kernels(simulation)  # type: ignore[arg-type]
 
     assert of(False) == ["step", "energies"]
     assert of(True) == ["step", "energies", "broken bars"]

@@ -3,8 +3,10 @@
 import itertools
 import math
 from pathlib import Path
+from typing import Any
 
 import pytest
+from support.blocks import block_scene
 from support.paths import CONFIGS
 from support.refusals import one_line
 
@@ -281,3 +283,42 @@ def test_an_override_of_a_notch_needs_exactly_one(full: Path, minimal: Path) -> 
             "--set notch.position: needs a scene with one table [[notch]], and this one has "
             f"{count}; change the file"
         )
+
+
+# -- contact of pieces -----------------------------------------------------------------------------
+
+NOTCHED = {"notch": [{"normal": "x", "position": 2.5e-4, "from": [-1, -1], "to": [1, 1]}]}
+TOUCH = {"contact": {"fragments": True, "friction": 0.3}}
+
+
+@pytest.mark.parametrize(
+    ("tables", "said"),
+    [
+        (TOUCH, "scene: contact.fragments = true: needs material.damage = true or a [[notch]], as"),
+        (
+            NOTCHED | {"contact": {"fragments": True, "friction": -0.1}},
+            "scene: contact.friction = -0.1: must be at least 0 and at most 10",
+        ),
+        (
+            NOTCHED | {"contact": {"friction": 0.3}},
+            "scene: contact.friction = 0.3: needs contact.fragments = true",
+        ),
+        (
+            NOTCHED | {"contact": {"fragments": "yes"}},
+            'scene: contact.fragments = "yes": must be true or false',
+        ),
+        (NOTCHED | TOUCH | {"scenario": "modes"}, 'scene: scenario = "modes": takes no table [c'),
+    ],
+)
+def test_contact_of_pieces_is_refused_where_it_means_nothing(
+    tables: dict[str, Any], said: str
+) -> None:
+    with pytest.raises(SceneError) as refused:
+        block_scene(4, 4, 2, **tables)
+    assert one_line(refused).startswith(said)
+
+
+def test_a_table_of_contact_may_say_that_pieces_do_not_touch() -> None:
+    scene = block_scene(4, 4, 2, contact={"fragments": False})
+    assert scene.contact is not None
+    assert not scene.contact.fragments

@@ -124,6 +124,16 @@ def test_the_guard_looks_at_the_plate_itself(
     look(Ledger(kinetic_bodies=1e6 - 1, strain=1.0))
 
 
+def test_a_ledger_from_before_pieces_could_touch_is_restored(elastic: "Simulation") -> None:
+    from taichi_ldem.solver.saving import BEFORE_PIECES
+
+    elastic.sample_step()
+    saved = elastic.saved_state()
+    start = elastic.initial_ledger
+    elastic.restore_state(saved | {"ledger/start": saved["ledger/start"][:BEFORE_PIECES]})
+    assert elastic.initial_ledger == start
+
+
 @pytest.mark.parametrize(
     ("share", "strain", "cause"),
     [

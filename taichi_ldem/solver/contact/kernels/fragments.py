@@ -1,0 +1,456 @@
+"""Contact of nodes that were not neighbours: soft spheres with friction.
+
+Two nodes of a pair (``pairs``) touch when they are closer than the shortest bar of the lattice, d,
+or than they were at rest, if that is less. They then push each other apart with k (d - r), and
+friction resists their sliding. A bar fails in tension, when its ends are further apart than at
+rest, so a pair is never inside each other when it becomes one.
+
+The stiffness is k = 2 STIFFER m k_l / m_0: of two nodes inside the body, STIFFER of that of a bar
+along an edge, k_l = EA/L, and for lighter nodes less, by their reduced mass m. With n contacts at
+a node at most, the element-wise bound gives the contacts alone a highest frequency of
+omega^2 <= 2 STIFFER n k_l / m_0; the lattice's own is 16 k_l / m_0 (``module``) or 9.5
+(``cubic-26``). So ten contacts at each node of intact bodies would raise omega^2 by a third or a
+half, which the default safety of one half leaves room for. Nodes that have lost bars need less.
+
+Friction is Coulomb's, regularised in the sliding velocity and without memory: its impulse in a step
+is the friction coefficient times the normal one, but at most STICK of what would stop the sliding.
+Pieces under a shear load T < mu N creep at T dt / (STICK m). It acts at the velocity half a step
+before the displacement. With the lattice's own frequency as above, dt stays stable if
+(omega dt)^2 + 2 n STICK < 4.
+
+Forces are those at t_n, so that contact is a part of the same central differences. Each node
+gathers its own pairs in their order; both ends compute the same numbers with opposite signs. The
+energy of the springs follows from the positions. Half of the work of friction lies before t_n and
+half after it, where the velocity is known when the next step starts: then it is booked, so the loss
+is that until t_n. The velocities that a step leaves include contact, but its sums of kinetic energy
+do not: they lack half of the impulse times the velocity before it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+import taichi as ti
+
+from taichi_ldem.model.material import bars_of
+from taichi_ldem.solver.contact.kernels.nearby import vec3d
+from taichi_ldem.solver.contact.kernels.pairs import (
+    BLOCK,
+    DISTANCE,
+    FRICTION,
+    LATE,
+    SKIN,
+    STIFFNESS,
+    NearbyPairs,
+    distance_of_contact,
+)
+from taichi_ldem.solver.dynamics import Dynamics, field_apart
+
+if TYPE_CHECKING:
+    from taichi_ldem.scene import Scene
+
+STIFFER = 0.25
+"""Stiffness of a contact of two nodes inside the body over that of a bar along an edge."""
+
+STICK = 0.1
+"""Largest share of the sliding of two free nodes that friction stops within a step."""
+
+TINY = 1e-12
+"""Least distance of two nodes, over that of contact, that has a direction."""
+
+OF_LISTED = ("ends", "friction", "home", "loose", "shown", "joins")
+"""Fields of a checkpoint with a value for each listed node."""
+
+# the entries of ``works``
+ELASTIC, PLATE_BEFORE, LOST = range(3)
+
+
+@dataclass(frozen=True)
+class Touching:
+    """Energies of contact between pieces at the time t_n of a sample, J.
+
+    Attributes:
+        elastic: stored where pieces touch.
+        plate_before: half-step work on the plate before t_n.
+        lost: by friction until t_n.
+    """
+
+    elastic: float = 0
+    plate_before: float = 0
+    lost: float = 0
+
+
+@ti.data_oriented
+class Fragments(NearbyPairs):
+    """Contact of pieces of the plate.
+
+    Attributes:
+        name: of the declaration.
+        before: velocity of the listed nodes before the step, m/s.
+        impulse, friction: on each listed node in the latest step, all and friction's, N s.
+        moved: 1 if a listed node that is no dust has moved far since the listing.
+        dusty: the latest step at which dust was near a cell, by ``stamp``, the count of steps.
+        dust_in, dust_after: the first dust in a cell (where ``dusty_in`` is the step), and the next
+            in the same cell after each, in ascending order; -1 where there is none.
+        works: of each listed node (see ``ELASTIC``), J; the loss since the start.
+    """
+
+    name = ""
+
+    def __init__(self, dynamics: Dynamics, scene: "Scene", time_step: float):
+        super().__init__(dynamics)
+        self.impulse = field_apart(ti.f64, self.capacity, 3)
+        self.friction = field_apart(ti.f64, self.capacity, 3)
+        self.works = field_apart(ti.f64, self.capacity, 3)
+        self.work_sums = field_apart(ti.f64, self.capacity // BLOCK + 1, 3)
+        self.moved, self.stamp = field_apart(ti.i32, 1), field_apart(ti.i32, 1)
+        self.dusty, self.dusty_in, self.dust_in = (
+            field_apart(ti.i32, self.hot.shape[0]) for _ in range(3)
+        )
+        self.dust_after = field_apart(ti.i32, self.capacity)
+        self.reset(scene)
+
+    # -- on the host -------------------------------------------------------------------------------
+
+    def reset(self, scene: "Scene") -> None:
+        """Put everything back to t = 0 with the numbers of another scene."""
+        lattice, edge = self.dynamics.lattice, bars_of(scene)[0]
+        assert scene.contact is not None
+        whole = scene.material.density * lattice.spacing**3 * lattice.cell.node_shares[255, 0]
+        self.distance = distance = distance_of_contact(self.dynamics)
+        stiffness = 2 * STIFFER * edge.axial_stiffness / edge.length / whole
+        numbers = (distance, (1 + SKIN) * distance, stiffness, scene.contact.friction, np.inf)
+        self.numbers.from_numpy(np.array(numbers))
+        self.find_surface()
+        for field in (self.count, self.works, self.impulse, self.friction):
+            field.fill(0)
+        self.size, self.dust_size, self.next_listing, self.most = 0, 0, 0, 0
+
+    def list_anew(self, now: int, step: int, time_step: float) -> None:
+        """List the pairs, and complete what the latest step left open."""
+        self._settle(self.size)
+        self.list_pairs(now, step, time_step)
+        self.most = max(self.most, self.size)
+        self._forget(self.size)
+
+    def renew(self, step: int) -> None:
+        """Forget the steps so far, before one that starts from another state."""
+        self._forget(self.size)
+        self.size, self.dust_size, self.next_listing = 0, 0, step
+
+    def compile(self, now: int) -> None:
+        """Compile all kernels of the listing and of samples; the lists change."""
+        spacing = self.dynamics.lattice.spacing
+        self.list_anew(now, self.next_listing, 0.0)
+        self._settle_in(now, spacing, 0)
+        self._sort(0)
+        self._list_dust(0)
+        self._find_pairs(0, 0)
+        self._weigh(0)
+        self.reading()
+
+    def press(self, now: int, spacing: float, time_step: float) -> None:
+        """Compute the impulses of a step that starts at the displacement ``now``."""
+        if self._press(now, spacing, time_step, self.size, self.dust_size):
+            self.next_listing = 0
+
+    def look_whether_moved(self) -> None:
+        """Let the list be made anew at the next step if a step of a launch has moved a node far."""
+        if self.moved[0]:
+            self.next_listing = 0
+
+    def reading(self) -> Touching:
+        """Energies at the start of the latest step."""
+        values = np.zeros(3)
+        self._add_up(values, self.size, self.most)
+        return Touching(*values.tolist())
+
+    def kernel_names(self) -> list[str]:
+        """Names of the kernels that a run compiles for contact."""
+        return [f"contact: {self.name}", f"pairs near: {self.name}"]
+
+    def fields(self) -> dict[str, ti.Field]:
+        """All fields by name, ``part.field``."""
+        own = {name: value for name, value in vars(self).items() if isinstance(value, ti.Field)}
+        own |= {f"surface_{s}": field for s, field in enumerate(self.surface)}
+        return {f"{self.name}.{name}": value for name, value in own.items()}
+
+    def saved_state(self) -> dict[str, npt.NDArray]:
+        """Copies of the state before the next step: the lists, open works, sums."""
+        size = self.size
+        ends = self.pair_ends.to_numpy()[:size]
+        return {
+            "schedule": np.array(self.next_listing),
+            "nodes": self.nodes.to_numpy()[:size],
+            "ends": ends,
+            "pairs": self.pairs.to_numpy()[: ends[-1] if size else 0],
+            "home": self.home.to_numpy()[:size],
+            "loose": self.loose.to_numpy()[:size],
+            "shown": self.shown.to_numpy()[:size],
+            "joins": self.joins.to_numpy()[:size],
+            "friction": self.friction.to_numpy()[:size],
+            "works": self.works.to_numpy()[: self.most],
+        }
+
+    def restore_state(self, saved: Mapping[str, npt.NDArray]) -> None:
+        """Continue from ``saved_state``.
+
+        Raises:
+            ValueError: the lists do not belong to this lattice.
+        """
+        nodes, ends, pairs = saved["nodes"], saved["ends"], saved["pairs"]
+        size, total = len(nodes), len(pairs)
+        fits = size <= len(saved["works"]) <= self.capacity and total <= self.pairs.shape[0]
+        fits &= all(len(saved[name]) == size for name in OF_LISTED)
+        fits &= total == (ends[-1] if size else 0) and not (np.diff(ends, prepend=0) < 0).any()
+        for numbers, limit in ((nodes, self._node_numbers()), (pairs, size)):
+            fits &= not len(numbers) or bool(numbers.min() >= 0 and numbers.max() < limit)
+        if not fits:
+            raise ValueError("the pairs of nodes that may touch are of another lattice")
+        self.size, self.most = size, len(saved["works"])
+        self.next_listing = int(saved["schedule"])
+        self.count.from_numpy(np.array([size, size], dtype=np.int32))
+        for name, field in (
+            ("nodes", self.nodes),
+            ("pairs", self.pairs),
+            ("home", self.home),
+            ("loose", self.loose),
+            ("shown", self.shown),
+            ("joins", self.joins),
+            ("friction", self.friction),
+            ("works", self.works),
+        ):
+            padded = field.to_numpy()
+            padded[:] = 0
+            padded[: len(saved[name])] = saved[name]
+            field.from_numpy(padded)
+        self.moved.fill(0)
+        self._weigh(size)
+        self._sort_cells()
+        padded = self.pair_ends.to_numpy()
+        padded[:size] = ends
+        self.pair_ends.from_numpy(padded)
+
+    # -- in a step ---------------------------------------------------------------------------------
+
+    @ti.kernel
+    def _settle(self, size: int):
+        """Book the friction of the latest step at the velocities after it."""
+        for a in range(size):
+            s, k, j, i = self.site_of(a)
+            velocity = ti.cast(self.dynamics.node_velocity(s, k, j, i), ti.f64)
+            work = 0.5 * self.friction[a].dot(velocity)
+            self.works[a][LOST] = self.works[a][LOST] - work
+
+    @ti.kernel
+    def _forget(self, size: int):
+        """Clear what belongs to the steps with the list before."""
+        for a in range(size):
+            self.friction[a] = vec3d(0.0, 0.0, 0.0)
+        for n in range(1):
+            self.moved[n] = 0
+
+    @ti.kernel
+    def _weigh(self, size: int):
+        for a in range(size):
+            s, k, j, i = self.site_of(a)
+            self.mass[a] = ti.cast(self.dynamics.node_mass(s, k, j, i), ti.f64)
+
+    @ti.kernel
+    def _press(self, now: int, spacing: float, time_step: float, size: int, dust: int) -> int:
+        self.find_impulses(now, spacing, time_step, size, dust)
+        return self.moved[0]
+
+    @ti.func
+    def find_impulses(self, now, spacing, time_step, size, dust):
+        """Compute the impulses of a step, and book its works."""
+        for n in range(1):
+            self.stamp[n] = self.stamp[n] + 1
+        for a in range(size):
+            s, k, j, i = self.site_of(a)
+            place = self.place(now, s, k, j, i, spacing)
+            self.position[a] = place
+            self.before[a] = self.dynamics.node_velocity(s, k, j, i)
+            way, least = place - self.home[a], LATE * SKIN * self.numbers[DISTANCE]
+            if self.loose[a] != 0:
+                cell = self.cell_of(place)
+                low, high = self.cells_within(place, self.numbers[DISTANCE])
+                for z in range(low[2], high[2] + 1):
+                    for y in range(low[1], high[1] + 1):
+                        for x in range(low[0], high[0] + 1):
+                            self.dusty[self.beside(cell, z, y, x)] = self.stamp[0]
+            elif way.dot(way) > least * least:
+                self.moved[0] = 1
+        ti.loop_config(serialize=True)
+        for n in range(dust):
+            # from the last one, so that each cell's are in ascending order
+            b = self.dust[dust - 1 - n]
+            cell, after = self.number_of(self.position[b]), -1
+            if self.dusty_in[cell] == self.stamp[0]:
+                after = self.dust_in[cell]
+            self.dust_after[b], self.dust_in[cell] = after, b
+            self.dusty_in[cell] = self.stamp[0]
+        for a in range(size):
+            push, drag, elastic = self.gathered(a, spacing, ti.cast(time_step, ti.f64), dust)
+            velocity = ti.cast(self.before[a], ti.f64)
+            # the latest step's friction acted until the middle of this velocity, and this one's
+            # from there on
+            work = 0.5 * (self.friction[a] + drag).dot(velocity)
+            lost = self.works[a][LOST] - work
+            self.works[a] = vec3d(elastic, 0.5 * (push + drag).dot(velocity), lost)
+            self.impulse[a], self.friction[a] = push + drag, drag
+
+    @ti.func
+    def gathered(self, a, spacing, time_step, dust):
+        """Normal impulse, friction's impulse and half the energies of a node's contacts."""
+        push, drag = vec3d(0.0, 0.0, 0.0), vec3d(0.0, 0.0, 0.0)
+        elastic = ti.cast(0.0, ti.f64)
+        for n in range(self.first_pair(a), self.pair_ends[a]):
+            one, other, energy = self.contact(a, self.pairs[n], spacing, time_step)
+            push += one
+            drag += other
+            elastic += energy
+        if dust > 0:
+            if self.dusty[self.number_of(self.position[a])] == self.stamp[0]:
+                one, other, energy = self.with_dust(a, spacing, time_step)
+                push += one
+                drag += other
+                elastic += energy
+        return push, drag, elastic
+
+    @ti.func
+    def with_dust(self, a, spacing, time_step):
+        """The same for contacts with dust, and of dust with the listed nodes around it."""
+        push, drag = vec3d(0.0, 0.0, 0.0), vec3d(0.0, 0.0, 0.0)
+        elastic, middle = ti.cast(0.0, ti.f64), self.cell_of(self.position[a])
+        # what was listed has moved since
+        radius = (1 + 0.5 * SKIN) * self.numbers[DISTANCE]
+        low, high = self.cells_within(self.position[a], radius)
+        for z in range(low[2], high[2] + 1):
+            for y in range(low[1], high[1] + 1):
+                for x in range(low[0], high[0] + 1):
+                    cell = self.beside(middle, z, y, x)
+                    one, rubbed, energy = self.in_cell(a, cell, spacing, time_step)
+                    push += one
+                    drag += rubbed
+                    elastic += energy
+        return push, drag, elastic
+
+    @ti.func
+    def in_cell(self, a, cell, spacing, time_step):
+        """The same for one cell: what was listed in it, then the dust that is in it now."""
+        push, drag = vec3d(0.0, 0.0, 0.0), vec3d(0.0, 0.0, 0.0)
+        elastic, least = ti.cast(0.0, ti.f64), self.numbers[DISTANCE]
+        at, end, other = 0, 0, -1
+        if self.loose[a] != 0:
+            at, end = self.starts[cell], self.starts[cell + 1]
+        if self.dusty_in[cell] == self.stamp[0]:
+            other = self.dust_in[cell]
+        while at < end or other >= 0:
+            b = other
+            if at < end:
+                b = self.members[at]
+                at += 1
+                if self.loose[b] != 0:
+                    b = a
+            else:
+                other = self.dust_after[b]
+            away = self.position[a] - self.position[b]
+            near = a != b and away.dot(away) < least * least
+            if near and self.shown[a] + self.shown[b] > 0 and not self.are_joined(a, b):
+                one, rubbed, energy = self.contact(a, b, spacing, time_step)
+                push += one
+                drag += rubbed
+                elastic += energy
+        return push, drag, elastic
+
+    @ti.func
+    def contact(self, a, b, spacing, time_step):
+        """Impulses on a node by another, normal and of friction, and half the energies."""
+        push, drag = vec3d(0.0, 0.0, 0.0), vec3d(0.0, 0.0, 0.0)
+        elastic, distance = ti.cast(0.0, ti.f64), self.numbers[DISTANCE]
+        away = self.position[a] - self.position[b]
+        square = away.dot(away)
+        if square < distance * distance:
+            length = ti.sqrt(square)
+            depth = self.contact_distance(a, b, spacing) - length
+            if depth > 0:
+                normal = away / ti.max(length, TINY * distance)
+                reduced = self.mass[a] * self.mass[b] / (self.mass[a] + self.mass[b])
+                stiffness = self.numbers[STIFFNESS] * reduced
+                impulse = time_step * stiffness * depth
+                push = impulse * normal
+                drag = -self.friction_between(impulse, reduced, a, b, normal)
+                elastic = 0.25 * stiffness * depth * depth
+        return push, drag, elastic
+
+    @ti.func
+    def friction_between(self, impulse, reduced, a, b, normal):
+        """Impulse of friction between two nodes, along their sliding."""
+        sliding = ti.cast(self.before[a], ti.f64) - ti.cast(self.before[b], ti.f64)
+        sliding -= normal * sliding.dot(normal)
+        speed = sliding.norm()
+        factor = ti.cast(0.0, ti.f64)
+        if speed > 0:
+            factor = ti.min(self.numbers[FRICTION] * impulse / speed, STICK * reduced)
+        if self.numbers[FRICTION] == 0:
+            factor = 0.0
+        return factor * sliding
+
+    @ti.func
+    def contact_distance(self, a, b, spacing):
+        """Distance at which two listed nodes touch, m."""
+        distance = self.numbers[DISTANCE]
+        if ti.static(self.dynamics.features.perturbed):
+            s, k, j, i = self.site_of(a)
+            t, m, g, h = self.site_of(b)
+            rest = self.rest_position(s, k, j, i, spacing)
+            rest -= self.rest_position(t, m, g, h, spacing)
+            distance = ti.min(distance, rest.norm())
+        return distance
+
+    @ti.func
+    def kick(self, now, time_step, damping, size):
+        """Give the nodes that touch their impulses, after the passes of the step."""
+        for a in range(size):
+            impulse = self.impulse[a]
+            if impulse.dot(impulse) > 0:
+                s, k, j, i = self.site_of(a)
+                dt = ti.cast(time_step, ti.f64)
+                inertia = self.mass[a]
+                if ti.static(self.dynamics.features.damping):
+                    # as for rigid bodies: half of a step's damping resists the change
+                    inertia *= 1 + 0.5 * ti.cast(damping, ti.f64) * dt
+                free = ti.cast(self.dynamics.node_velocity(s, k, j, i), ti.f64)
+                velocity = free + impulse / inertia
+                if ti.static(self.dynamics.features.damping):
+                    # the loss by damping was added for the velocity of the free flight
+                    mean = 0.25 * (2 * ti.cast(self.before[a], ti.f64) + free + velocity)
+                    drag = ti.cast(damping, ti.f64) * self.mass[a] * mean
+                    energy = ti.cast(drag.dot(dt * (velocity - free)), float)
+                    self.dynamics.add_damped(s, k, j, i, energy)
+                old = ti.cast(self.dynamics.node_displacement(now, s, k, j, i), ti.f64)
+                new = ti.cast(old + dt * velocity, float)
+                self.dynamics.put_node(1 - now, s, k, j, i, new, ti.cast(velocity, float))
+
+    # -- samples -----------------------------------------------------------------------------------
+
+    @ti.kernel
+    def _add_up(self, values: ti.types.ndarray(), size: int, most: int):
+        for block in range((most + BLOCK - 1) // BLOCK):
+            total = vec3d(0.0, 0.0, 0.0)
+            for a in range(block * BLOCK, ti.min((block + 1) * BLOCK, most)):
+                works = self.works[a]
+                if a >= size:
+                    works[ELASTIC], works[PLATE_BEFORE] = 0.0, 0.0
+                total += works
+            self.work_sums[block] = total
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            total = vec3d(0.0, 0.0, 0.0)
+            for block in range((most + BLOCK - 1) // BLOCK):
+                total += self.work_sums[block]
+            for n in ti.static(range(3)):
+                values[n] = total[n]

@@ -1,0 +1,495 @@
+"""The pairs of nodes that may touch: a list that is made anew when something has moved far enough.
+
+A node is *bare* if one of its bars has failed or was removed by a notch. A node at the *rim* has
+fewer bars than one inside the body. A pair is made of a bare node and of one that is bare or at the
+rim, with no bar between them that still carries compression.
+
+Bare nodes mark the cells of a grid around them. The nodes in marked cells are listed in ascending
+order, sorted into the cells, and each gets the numbers of its partners in ascending order. The grid
+is wrapped around, so that it has no ends that debris could leave: nodes that share a cell that way
+are far apart. Atomics add whole numbers only, whose order does not matter; the order of every list
+is fixed, and with it the order of all sums.
+
+A node that flies off at hundreds of metres a second would ask for a new list every few steps. Such
+*dust*, listed nodes that are fast, has no partners in the list: wherever it is in a step, it is
+compared with what was listed in the cells around it, and with other dust.
+"""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+import taichi as ti
+
+from taichi_ldem.errors import TooManyNodes
+from taichi_ldem.model.cell import UnitCell
+from taichi_ldem.solver.contact.kernels.nearby import WORD, NearbyNodes
+from taichi_ldem.solver.contact.sizes import most_nodes, most_pairs
+from taichi_ldem.solver.dynamics import Dynamics, field_apart
+from taichi_ldem.solver.lanes import HALO
+
+SKIN = 0.3
+"""Distance that two nodes may approach each other between two listings, over that of contact."""
+
+LONGEST = 64
+"""Most steps between two listings, so that bars that have failed meanwhile are soon known."""
+
+FEWEST = 16
+"""Steps between two listings that a fast node would allow if it had partners in the list."""
+
+LATE = 0.45
+"""Share of the skin that a node may cover since the listing: less than a half, as the list is made
+anew at the next step only."""
+
+FARTHEST = 16
+"""Most cells that dust may pass through between two listings."""
+
+BLOCK = 256
+"""Counts that one thread adds up."""
+
+# the entries of ``numbers``
+DISTANCE, REACH, STIFFNESS, FRICTION, FAST = range(5)
+
+# the entries of ``fastest``
+UNLISTED, DUST = range(2)
+
+
+def places_of_bars(cell: UnitCell) -> npt.NDArray[np.int32]:
+    """Place of the bar between two nodes among those of the first; -1 where there is none.
+
+    For every pair of sublattices, and of offsets from -1 to 1 along z, y, x of the second node.
+    """
+    found = np.full((cell.sublattices, cell.sublattices, 3, 3, 3), -1, dtype=np.int32)
+    for s, nodes in enumerate(cell.neighbours):
+        for n, (other, (z, y, x)) in enumerate(nodes):
+            found[s, other, z + 1, y + 1, x + 1] = n
+    return found.ravel()
+
+
+def distance_of_contact(dynamics: Dynamics) -> float:
+    """Distance at which two nodes touch, m: the length of the shortest bar of a regular lattice."""
+    return math.sqrt(min(dynamics.cell.length_squared)) * dynamics.spacing
+
+
+@ti.data_oriented
+class NearbyPairs(NearbyNodes):
+    """The nodes near bare ones, and for each of them its partners.
+
+    Attributes:
+        size, dust_size: numbers of listed nodes, and of those that are dust.
+        distance: at which nodes touch, m.
+        next_listing: step at which the list has to be made again.
+        numbers: DISTANCE, REACH (m), STIFFNESS (N/m for a reduced mass of 1 kg), FRICTION, and
+            FAST, the speed from which a node is dust (m/s).
+        position, home, mass: of the listed nodes, now and when they were listed, m and kg.
+        pairs: partners, as places in the list; those of node a end before ``pair_ends[a]``.
+        bare, marks: a bit for each column of a piece of a row: its node is bare, or listed.
+        loose, shown: 1 for listed nodes that are dust, or bare. dust: places in the list of dust.
+        joins: a bit for each bar of a listed node, as in ``UnitCell.scalars``, that pushes its ends
+            apart. between: the place there of a bar between two nodes; -1 where there is none.
+        surface: a bit for each lane of a column: its node is at the rim of the body at rest.
+        hot: 1 for cells of the grid within one of a bare node.
+        starts, members: first place in ``members`` of each cell, and the nodes of the cells.
+        fastest: squares of the largest speeds, of nodes at the rim not listed, and of dust.
+    """
+
+    def __init__(self, dynamics: Dynamics):
+        lattice, cell = dynamics.lattice, dynamics.cell
+        super().__init__(dynamics, most_nodes(lattice.modules, cell.sublattices))
+        self.size, self.dust_size, self.next_listing = 0, 0, 0
+        self.distance = distance_of_contact(dynamics)
+        self.numbers = field_apart(ti.f64, 5)
+        self.home = field_apart(ti.f64, self.capacity, 3)
+        self.loose = field_apart(ti.i32, self.capacity)
+        self.dust = field_apart(ti.i32, self.capacity)
+        self.joins = field_apart(ti.i32, self.capacity)
+        self.shown = field_apart(ti.i32, self.capacity)
+        self.between = field_apart(ti.i32, cell.sublattices**2 * 27)
+        self.between.from_numpy(places_of_bars(cell))
+        self.position = field_apart(ti.f64, self.capacity, 3)
+        self.mass = field_apart(ti.f64, self.capacity)
+        self.pair_ends = field_apart(ti.i32, self.capacity)
+        self.pairs = field_apart(ti.i32, most_pairs(self.capacity))
+        self.bare = field_apart(ti.i32, self.marks.shape[0])
+        self.surface = [field_apart(ti.u8, dynamics.shape) for _ in range(cell.sublattices)]
+        reach = (1 + SKIN) * self.distance / dynamics.spacing
+        self.dims = tuple(max(8, math.ceil(n / reach) + 2) for n in lattice.modules)
+        cells = math.prod(self.dims)
+        self.hot = field_apart(ti.i32, cells)
+        self.starts = field_apart(ti.i32, cells + 1)
+        self.members = field_apart(ti.i32, self.capacity)
+        self.block_sums = field_apart(ti.i32, max(cells, self.capacity) // BLOCK + 1)
+        self.fastest = field_apart(ti.f32, 2)
+        self.homes = [sorted({home for _, home in bars}) for bars in cell.scalars]
+
+    def find_surface(self) -> None:
+        """Mark the nodes of the lattice that have fewer bars than one inside it."""
+        lattice, cell = self.dynamics.lattice, self.dynamics.cell
+        there, exists = lattice.bar_exists(), lattice.exists()
+        for s, field in enumerate(self.surface):
+            whole = np.ones(lattice.sites, dtype=bool)
+            for bar, home in cell.scalars[s]:
+                whole &= np.roll(there[..., bar], [-n for n in home], axis=(0, 1, 2))
+            rim = self.dynamics.lanes.spread(exists[s] & ~whole)
+            bits = np.uint8(1) << np.arange(rim.shape[-1], dtype=np.uint8)
+            field.from_numpy(np.asarray((rim * bits).sum(axis=-1, dtype=np.uint8)))
+
+    # -- listing -----------------------------------------------------------------------------------
+
+    def list_pairs(self, now: int, step: int, time_step: float) -> None:
+        """List the pairs that may touch until a listed node has moved far enough.
+
+        The list is made again at ``next_listing`` at the latest, which is set here.
+
+        Raises:
+            TooManyNodes: there are more pairs than the list holds.
+        """
+        spacing = self.dynamics.lattice.spacing
+        limit = 2 * FEWEST * time_step
+        self.numbers[FAST] = SKIN * self.distance / limit if limit > 0 else math.inf
+        self._expose(now, spacing, time_step)
+        self._list(now, spacing, 0.0)
+        self.size = int(self.count[0])
+        self.next_listing = step + self._steps(time_step)
+        if self.size == 0:
+            self.dust_size = 0
+            return
+        self._settle_in(now, spacing, self.size)
+        self._sort_cells()
+        self._find_pairs(self.size, 0)
+        total = int(self.pair_ends[self.size - 1])
+        if total > self.pairs.shape[0]:
+            self.size = 0
+            raise TooManyNodes(
+                f"{total} pairs of nodes came near each other, and the list of [contact] holds "
+                f"{self.pairs.shape[0]}: the pieces are crushed; end the run earlier "
+                "(solver.duration) or strike more slowly"
+            )
+        self._find_pairs(self.size, 1)
+
+    def _sort_cells(self) -> None:
+        """Sort the listed nodes into cells, and list the dust among them."""
+        self._sort(self.size)
+        self._list_dust(self.size)
+        self.dust_size = int(self.pair_ends[self.size - 1]) if self.size else 0
+
+    def _steps(self, time_step: float) -> int:
+        """Most steps until the list has to be made again."""
+        ways = time_step * np.sqrt(self.fastest.to_numpy().astype(np.float64))
+        reach = (1 + SKIN) * self.distance
+        # what is not listed may come nearer by half of the skin, and dust may fly so far
+        allowed = 0.5 * SKIN * self.distance, (FARTHEST - 1) * reach
+        steps = [free / way for free, way in zip(allowed, ways, strict=True) if way > 0]
+        return max(1, int(min([LONGEST, *steps])))
+
+    @ti.kernel
+    def _expose(self, now: int, spacing: float, time_step: float):
+        """Find the bare nodes and the dust among them, and the cells that they may come to."""
+        nz, ny = ti.static(self.dynamics.sites[:2])
+        for cell in range(self.hot.shape[0]):
+            self.hot[cell] = 0
+        for n in range(2):
+            self.fastest[n] = 0.0
+        for k, j, word in ti.ndrange((1, nz - 1), (1, ny - 1), self.words):
+            self.mark_bare(now, k, j, word, spacing, time_step)
+
+    @ti.func
+    def word_of(self, s, k, j, lane, word):
+        """Place in the marks of a piece of a row."""
+        nz, ny, _ = ti.static(self.dynamics.sites)
+        return ((s * nz + k) * ny + j) * self.row_words() + lane * self.words + word
+
+    @ti.func
+    def mark_bare(self, now, k, j, word, spacing, time_step):
+        """Mark the bare nodes of a piece of a row, and the cells around them."""
+        begin = HALO + word * WORD
+        for s in ti.static(range(self.dynamics.cell.sublattices)):
+            for lane in range(self.dynamics.lanes.width):
+                self.bare[self.word_of(s, k, j, lane, word)] = 0
+            for m in range(begin, ti.min(begin + WORD, HALO + self.dynamics.lanes.length)):
+                lanes = 0
+                for home in ti.static(self.homes[s]):
+                    lanes |= int(self.dynamics.touched[k + home[0], j + home[1], m + home[2]])
+                if lanes != 0:
+                    for lane in range(self.dynamics.lanes.width):
+                        if (lanes >> lane) & 1 and self.has_lost_a_bar(s, k, j, m, lane):
+                            at = self.word_of(s, k, j, lane, word)
+                            self.bare[at] = self.bare[at] | 1 << (m - begin)
+                            i = self.dynamics.site_of(m, lane)
+                            place = self.place(now, s, k, j, i, spacing)
+                            v = ti.cast(self.dynamics.node_velocity(s, k, j, i), ti.f64)
+                            self.heat_way(place, v, ti.cast(time_step, ti.f64))
+
+    @ti.func
+    def has_lost_a_bar(self, s: ti.template(), k, j, m, lane):
+        """Whether a bar of a node has failed or was removed."""
+        lost = False
+        for bar, home in ti.static(self.dynamics.cell.scalars[s]):
+            at = ti.Struct(k=k + home[0], j=j + home[1], m=m + home[2])
+            lost |= self.is_gone(bar, at, lane)
+        return lost
+
+    @ti.func
+    def is_gone(self, bar: ti.template(), at: ti.template(), lane):
+        """Whether a bar has failed or was removed."""
+        gone = False
+        if ti.static(self.dynamics.features.damage):
+            peak = self.dynamics.peak[bar][at.k, at.j, at.m][lane]
+            gone |= self.dynamics.bars.has_failed(bar, peak)
+        if ti.static(self.dynamics.features.notch):
+            gone |= self.dynamics.bars.is_removed(bar, at, lane)
+        return gone
+
+    @ti.func
+    def place(self, now, s, k, j, i, spacing):
+        """Position of a node, m, in f64."""
+        displacement = self.dynamics.node_displacement(now, s, k, j, i)
+        return self.rest_position(s, k, j, i, spacing) + ti.cast(displacement, ti.f64)
+
+    @ti.func
+    def cell_of(self, place):
+        """Cell of a place: whole numbers along x, y, z."""
+        cell = ti.Vector([0, 0, 0])
+        for axis in ti.static(range(3)):
+            along = ti.floor(place[axis] / self.numbers[REACH])
+            # a place that is not finite gets some cell
+            cell[axis] = ti.cast(ti.max(-1e9, ti.min(along, 1e9)), ti.i32)
+            cell[axis] = cell[axis] % ti.static(self.dims[axis])
+        return cell
+
+    @ti.func
+    def beside(self, cell, z, y, x):
+        """Number of the cell that lies (z, y, x) cells from another, which are -1 to 1."""
+        offset, index = ti.Vector([x, y, z]), 0
+        for axis in ti.static(range(3)):
+            count = ti.static(self.dims[axis])
+            along = cell[axis] + offset[axis]
+            if along < 0:
+                along += count
+            elif along >= count:
+                along -= count
+            index = index * count + along
+        return index
+
+    @ti.func
+    def cells_within(self, place, radius):
+        """Offsets along x, y, z of the first and last cell within less than a cell of a place."""
+        first, last = ti.Vector([0, 0, 0]), ti.Vector([0, 0, 0])
+        for axis in ti.static(range(3)):
+            along = place[axis] / self.numbers[REACH]
+            inside = (along - ti.floor(along)) * self.numbers[REACH]
+            first[axis] = -int(inside < radius)
+            last[axis] = int(self.numbers[REACH] - inside < radius)
+        return first, last
+
+    @ti.func
+    def number_of(self, place):
+        """Number of the cell of a place."""
+        return self.beside(self.cell_of(place), 0, 0, 0)
+
+    @ti.func
+    def heat(self, place):
+        """Mark the cells around a place; all threads write the same."""
+        cell = self.cell_of(place)
+        for z, y, x in ti.ndrange((-1, 2), (-1, 2), (-1, 2)):
+            self.hot[self.beside(cell, z, y, x)] = 1
+
+    @ti.func
+    def heat_way(self, place, velocity, time_step):
+        """Mark the cells around a bare node, and where it is dust also around its way."""
+        cells, way = 0, velocity * time_step * LONGEST
+        if velocity.norm() > self.numbers[FAST]:
+            self.note_speed(DUST, velocity)
+            # beyond the farthest cell it does not come: the list is made again before
+            way *= ti.min(1.0, (FARTHEST - 1) * self.numbers[REACH] / way.norm())
+            cells = int(way.norm() / self.numbers[REACH]) + 1
+        for n in range(cells + 1):
+            self.heat(place + n * way / ti.max(cells, 1))
+
+    @ti.func
+    def mark(self, now, k, j, word, spacing, duration):
+        """Mark the bare nodes and those at the rim, in marked cells, of a piece of a row."""
+        begin = HALO + word * WORD
+        for s in ti.static(range(self.dynamics.cell.sublattices)):
+            for lane in range(self.dynamics.lanes.width):
+                at, bits = self.word_of(s, k, j, lane, word), 0
+                bare = self.bare[at]
+                for m in range(begin, ti.min(begin + WORD, HALO + self.dynamics.lanes.length)):
+                    bit = 1 << (m - begin)
+                    rim = (int(self.surface[s][k, j, m]) >> lane) & 1
+                    if rim != 0 or bare & bit != 0:
+                        i = self.dynamics.site_of(m, lane)
+                        place = self.place(now, s, k, j, i, spacing)
+                        if self.hot[self.number_of(place)] != 0:
+                            bits |= bit
+                        else:
+                            self.note_speed(UNLISTED, self.dynamics.node_velocity(s, k, j, i))
+                self.marks[at] = bits
+
+    @ti.func
+    def note_speed(self, whose: ti.template(), velocity):
+        """Keep the square of a largest speed; the order of threads does not matter."""
+        square = ti.cast(velocity.dot(velocity), ti.f32)
+        if square > self.fastest[whose]:
+            ti.atomic_max(self.fastest[whose], square)
+
+    # -- pairs -------------------------------------------------------------------------------------
+
+    @ti.func
+    def scan(self, counts: ti.template(), size):
+        """Turn counts into their sums up to and including each of them."""
+        for block in range((size + BLOCK - 1) // BLOCK):
+            total = 0
+            for n in range(block * BLOCK, ti.min((block + 1) * BLOCK, size)):
+                total += counts[n]
+            self.block_sums[block] = total
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            total = 0
+            for block in range((size + BLOCK - 1) // BLOCK):
+                total += self.block_sums[block]
+                self.block_sums[block] = total
+        for block in range((size + BLOCK - 1) // BLOCK):
+            total = 0
+            if block > 0:
+                total = self.block_sums[block - 1]
+            for n in range(block * BLOCK, ti.min((block + 1) * BLOCK, size)):
+                total += counts[n]
+                counts[n] = total
+
+    @ti.func
+    def sort(self, numbers: ti.template(), begin, end):
+        """Sort a few numbers in ascending order, in their place."""
+        for n in range(begin + 1, end):
+            value, at = numbers[n], n
+            while at > begin and numbers[at - 1] > value:
+                numbers[at] = numbers[at - 1]
+                at -= 1
+            numbers[at] = value
+
+    @ti.kernel
+    def _settle_in(self, now: int, spacing: float, size: int):
+        """Note where the listed nodes are, and which of them are dust."""
+        for a in range(size):
+            s, k, j, i = self.site_of(a)
+            self.home[a] = self.place(now, s, k, j, i, spacing)
+            self.mass[a] = ti.cast(self.dynamics.node_mass(s, k, j, i), ti.f64)
+            velocity = ti.cast(self.dynamics.node_velocity(s, k, j, i), ti.f64)
+            self.loose[a] = int(velocity.norm() > self.numbers[FAST])
+            self.shown[a] = self.is_bare(a)
+            self.joins[a] = self.bars_that_push(a)
+
+    @ti.kernel
+    def _sort(self, size: int):
+        """Sort the listed nodes into cells."""
+        cells = ti.static(self.hot.shape[0])
+        for cell in range(cells + 1):
+            self.starts[cell] = 0
+        for a in range(size):
+            ti.atomic_add(self.starts[self.number_of(self.home[a])], 1)
+        self.scan(self.starts, cells + 1)
+        for a in range(size):
+            # from the end of a cell down, which turns the ends into starts
+            taken = ti.atomic_add(self.starts[self.number_of(self.home[a])], -1)
+            self.members[taken - 1] = a
+        for cell in range(cells):
+            self.sort(self.members, self.starts[cell], self.starts[cell + 1])
+
+    @ti.kernel
+    def _list_dust(self, size: int):
+        """List the dust; ``pair_ends``, which is filled afterwards, holds its numbers."""
+        for a in range(size):
+            self.pair_ends[a] = self.loose[a]
+        self.scan(self.pair_ends, size)
+        for a in range(size):
+            if self.loose[a] != 0:
+                self.dust[self.pair_ends[a] - 1] = a
+
+    @ti.kernel
+    def _find_pairs(self, size: int, write: int):
+        """Count the partners of the listed nodes; or, with ``write``, list them."""
+        for a in range(size):
+            begin, found, middle = 0, 0, self.cell_of(self.home[a])
+            if write != 0:
+                begin = self.first_pair(a)
+            # cells above each other follow each other, but for the ends of the grid
+            within = 0 < middle[2] < ti.static(self.dims[2] - 1)
+            for part, y, x in ti.ndrange(ti.select(within, 1, 3), (-1, 2), (-1, 2)):
+                low, high = ti.select(within, -1, part - 1), ti.select(within, 1, part - 1)
+                last = self.starts[self.beside(middle, high, y, x) + 1]
+                for n in range(self.starts[self.beside(middle, low, y, x)], last):
+                    if self.may_touch(a, self.members[n]):
+                        if write != 0:
+                            self.pairs[begin + found] = self.members[n]
+                        found += 1
+            if write != 0:
+                self.sort(self.pairs, begin, begin + found)
+            else:
+                self.pair_ends[a] = found
+        self.scan(self.pair_ends, ti.select(write == 0, size, 0))
+
+    @ti.func
+    def first_pair(self, a):
+        """Place of a node's first partner."""
+        begin = 0
+        if a > 0:
+            begin = self.pair_ends[a - 1]
+        return begin
+
+    @ti.func
+    def may_touch(self, a, b):
+        """Whether two listed nodes are a pair within the reach of the list."""
+        found = False
+        away = self.home[a] - self.home[b]
+        near = away.dot(away) < self.numbers[REACH] * self.numbers[REACH]
+        if a != b and near and self.loose[a] + self.loose[b] == 0:
+            if self.shown[a] + self.shown[b] > 0:
+                found = not self.are_joined(a, b)
+        return found
+
+    @ti.func
+    def is_bare(self, a):
+        """1 for a listed node that has lost a bar, else 0."""
+        s, k, j, i = self.site_of(a)
+        m, lane = self.dynamics.column_of(i)
+        word, bit = (m - HALO) // WORD, (m - HALO) % WORD
+        return (self.bare[self.word_of(s, k, j, lane, word)] >> bit) & 1
+
+    @ti.func
+    def are_joined(self, a, b):
+        """Whether a bar between two listed nodes carried compression when they were listed."""
+        s, k, j, i = self.site_of(a)
+        t, up, g, h = self.site_of(b)
+        z, y, x = up - k + 1, g - j + 1, h - i + 1
+        joined = False
+        if ti.min(x, y, z) >= 0 and ti.max(x, y, z) <= 2:
+            sublattices = ti.static(self.dynamics.cell.sublattices)
+            bar = self.between[(((s * sublattices + t) * 3 + z) * 3 + y) * 3 + x]
+            joined = bar >= 0 and (self.joins[a] >> bar) & 1 != 0
+        return joined
+
+    @ti.func
+    def bars_that_push(self, a):
+        """A bit for each bar of a listed node that carries compression."""
+        s, k, j, i = self.site_of(a)
+        bits = 0
+        for sublattice in ti.static(range(self.dynamics.cell.sublattices)):
+            if s == sublattice:
+                for n in ti.static(range(len(self.dynamics.cell.scalars[sublattice]))):
+                    bar, home = ti.static(self.dynamics.cell.scalars[sublattice][n])
+                    m, lane = self.dynamics.column_of(i + home[2])
+                    at = ti.Struct(k=k + home[0], j=j + home[1], m=m)
+                    if self.carries_compression(bar, at, lane):
+                        bits |= 1 << n
+        return bits
+
+    @ti.func
+    def carries_compression(self, bar: ti.template(), at: ti.template(), lane):
+        """Whether a bar exists and pushes its ends apart; with ``closing`` a failed one does."""
+        carries = self.dynamics.bars.stiffness(bar, at, lane) > 0
+        if ti.static(self.dynamics.features.closing):
+            if ti.static(self.dynamics.features.notch):
+                carries &= not self.dynamics.bars.is_removed(bar, at, lane)
+        else:
+            carries &= not self.is_gone(bar, at, lane)
+        return carries
