@@ -95,8 +95,10 @@ def kernels(simulation: "Simulation") -> list[str]:
         found += simulation.fragments.kernel_names()
     if simulation.dynamics.features.damage:
         found.append("broken bars")
-    if simulation.dynamics.features.crack and simulation.dynamics.in_strips:
-        found.append("crack tips")
+    features = simulation.dynamics.features
+    before = features.crack or (features.volumetric and features.history)
+    if before and simulation.dynamics.in_strips:
+        found.append("damage before the step")
     return found
 
 

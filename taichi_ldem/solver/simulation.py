@@ -69,8 +69,10 @@ class Simulation:
         self.dynamics, self.drawn = build_dynamics(scene, in_strips)
         one_by_one = self.dynamics.in_strips or scene.solver.arch == "vulkan"
         self.steps_a_launch = 1 if one_by_one else STEPS_A_LAUNCH
-        self.now = 0
+        self.now, self.step_number = 0, 0
         self._read_numbers()
+        self.fragments: Any = FRAGMENTS.build(self.dynamics, scene, self.time_step)
+        self.pieces_touch = self.fragments is not None
         self._set_off()
         self.bodies: list[RigidBody] = []
         for declared in in_order_of_resolving():
@@ -81,8 +83,6 @@ class Simulation:
         for part in self.bodies:
             if self.shared and part.meets_others:
                 part.share_nodes()
-        self.fragments: Any = FRAGMENTS.build(self.dynamics, scene, self.time_step)
-        self.pieces_touch = self.fragments is not None
         self.energies = EnergySums(self.dynamics)
         self.sampler = Sampler(self.bodies, self.energies)
         self._start_clock()

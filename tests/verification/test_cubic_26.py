@@ -111,7 +111,11 @@ def test_forces_and_energy_are_those_of_a_list_of_bars(taichi: None) -> None:
 @pytest.mark.parametrize(
     ("table", "key", "message"),
     [
-        ({"material": {"poisson_ratio": 0.3}}, "material.poisson_ratio", "must be 0.25"),
+        (
+            {"material": {"poisson_ratio": 0.3}, "plate": {"stiffness": "equation-2"}},
+            "material.poisson_ratio",
+            "must be 0.25",
+        ),
         ({"plate": {"stiffness": "as-printed"}}, "plate.stiffness", "is for"),
     ],
 )

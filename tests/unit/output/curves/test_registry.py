@@ -38,7 +38,7 @@ def test_names_of_panels_are_unique(tmp_path: Path) -> None:
 def test_a_plate_that_falls_has_the_force_of_the_floor_and_what_it_was_given(
     tmp_path: Path,
 ) -> None:
-    scene = load_scene(CONFIGS / "drop.toml")
+    scene = load_scene(CONFIGS / "impact_drop.toml")
     folder = RunFolder.create(tmp_path / "run", force=False)
     folder.write_scene(scene_to_toml(scene))
     names = columns(scene)
