@@ -144,10 +144,12 @@ class EnergySums:
         work = ti.cast(0.0, ti.f64)
         for s, axis in ti.static(self.state.cell.node_axes):
             u = self.state.displacement[s][axis][step.now, at.k, at.j, at.m]
-            mass = self.state.lane_masses(s, at.k, at.j, at.m)
             for lane in ti.static(range(self.state.lanes.width)):
-                weight = ti.cast(mass[lane], ti.f64) * self.state.gravity[0][axis]
-                work += weight * u[lane]
+                # not from lane_masses, whose vector of bytes Taichi's optimiser fails on here
+                mass = self.state.mass[int(self.state.code[at.k, at.j, at.m][lane])][s]
+                if ti.static(self.state.features.density):
+                    mass = self.state.own_mass[s][at.k, at.j, at.m][lane]
+                work += ti.cast(mass, ti.f64) * self.state.gravity[0][axis] * u[lane]
         return work
 
     @ti.kernel
