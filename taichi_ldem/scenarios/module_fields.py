@@ -78,9 +78,7 @@ class ModuleFields:
     def _moduli(self, swollen: Array) -> Array:
         """(C,) lambda - mu that modules have left at a swelling, Pa: ``ModuleVolumes.share``."""
         dynamics = self.simulation.dynamics
-        modulus = np.full(swollen.shape, dynamics.volumetric)
-        if dynamics.features.modulus:
-            modulus *= dynamics.of_modules(dynamics.volume_modulus)
+        modulus = dynamics.volumetric * dynamics.of_modules(dynamics.volume_modulus)
         if dynamics.features.history:
             damage = dynamics.of_modules(dynamics.volume_damage)
             whole = (dynamics.volumetric > 0) & (swollen < 0) & (damage < 1)

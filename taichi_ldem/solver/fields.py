@@ -382,8 +382,8 @@ FIELDS = (
         present=_volume_history, evolves=True),
     Row("growth", "J - 1 of a module times the share of its volumetric energy, at the last step",
         "", _columns, present=lambda f, _: f.volumetric and f.crack),
-    Row("volume_modulus", "lambda - mu of a module over the mean", "", _columns,
-        present=lambda f, _: f.volumetric and f.modulus),
+    Row("volume_modulus", "lambda - mu of a module over the mean; 0 where there is no module", "",
+        _columns, present=_named("volumetric")),
     Row("code", "byte of the site (see lattice)", "", _columns, kind="u8"),
     Row("velocity_before", "velocities of the row that a measured step updates, as they were before"
         " it", "m/s", _strip_rows, "node axis", present=_in_strips),

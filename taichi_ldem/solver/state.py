@@ -189,6 +189,8 @@ class State:
         """Take another body that was cut from a prism of the same modules."""
         self.lattice = lattice
         self.code.from_numpy(self.lanes.spread(lattice.code))
+        if self.features.volumetric:
+            self._fill(self.volume_modulus, (lattice.code >> 7).astype(np.float64))
         if self.features.perturbed:
             assert lattice.offsets is not None
             for s, axis in self.cell.node_axes:
@@ -238,7 +240,7 @@ class State:
                 np.roll(modulus[..., bar], [-n for n in offset], axis=(0, 1, 2))
                 for bar, offset in self.cell.of_module
             ]
-            self._fill(self.volume_modulus, np.mean(around, axis=0))
+            self._fill(self.volume_modulus, np.mean(around, axis=0) * (self.lattice.code >> 7))
 
     def set_own_density(self, density: float, factor: npt.NDArray[np.float64]) -> None:
         """Give every node the masses of the modules around it.

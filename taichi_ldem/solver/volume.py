@@ -46,14 +46,6 @@ class ModuleVolumes:
         self.state, self.bars = state, bars
 
     @ti.func
-    def exist(self, at: ti.template()):
-        """1 in the lanes of a column where the site's own module exists, 0 elsewhere."""
-        k, j, m = at.k, at.j, at.m
-        # lane by lane: with a whole vector of bytes, Taichi's optimiser fails in some kernels
-        lanes = ti.static(range(self.state.lanes.width))
-        return ti.Vector([float(int(self.state.code[k, j, m][n]) >> 7) for n in lanes])
-
-    @ti.func
     def stretch(self, i: ti.template(), j: ti.template(), at: ti.template(), step: ti.template()):
         """H_ij: mean gradient of the displacement along i in direction j, in every lane."""
         u = ti.static(self.state.displacement[CORNER][i])
@@ -114,20 +106,10 @@ class ModuleVolumes:
     # -- damage ------------------------------------------------------------------------------------
 
     @ti.func
-    def modulus(self, at: ti.template(), lane, step: ti.template()):
-        """lambda - mu of a module, Pa."""
-        whole = step.volumetric
-        if ti.static(self.state.features.modulus):
-            whole *= self.state.volume_modulus[at.k, at.j, at.m][lane]
-        return whole
-
-    @ti.func
     def share(self, grown, damage, step: ti.template()):
-        """Share of its energy that a module has at J - 1, given its damage."""
-        share = 1 - damage
-        if step.volumetric > 0 and grown < 0 and damage < 1:
-            share = 1.0
-        return share
+        """Share of its energy that a module has at J - 1, given its damage; of lanes or of one."""
+        whole = ti.cast(step.volumetric > 0, ti.i32)
+        return ti.select((grown < 0) & (damage < 1) & (whole != 0), 1.0, 1 - damage)
 
     @ti.func
     def damage_of_bars(self, at: ti.template(), lane):
@@ -158,9 +140,8 @@ class ModuleVolumes:
         """Let the damage of a column's modules follow that of their bars before this step."""
         if self.is_near_damage(at):
             grown, _ = self.swelling(at, step)
-            exist = self.exist(at)
             for lane in range(self.state.lanes.width):
-                if exist[lane] > 0:
+                if self.state.volume_modulus[at.k, at.j, at.m][lane] > 0:
                     self.weaken_module(grown[lane], at, lane, step)
 
     @ti.func
@@ -172,7 +153,8 @@ class ModuleVolumes:
         share = self.share(grown, after, step)
         if after > before:
             lost = self.share(grown, before, step) - share
-            loss = 0.5 * self.modulus(at, lane, step) * step.spacing**3 * lost * grown * grown
+            modulus = step.volumetric * self.state.volume_modulus[k, j, m][lane]
+            loss = 0.5 * modulus * step.spacing**3 * lost * grown * grown
             self.state.volume_loss[k, j, m][lane] = self.state.volume_loss[k, j, m][lane] + loss
             self.state.volume_damage[k, j, m][lane] = after
         if ti.static(self.state.features.crack):
@@ -184,15 +166,19 @@ class ModuleVolumes:
     def column_forces(self, at: ti.template(), step: ti.template()):
         """Store the forces of a column's modules on their corners."""
         grown, cofactors = self.swelling(at, step)
-        exist = self.exist(at)
-        for lane in ti.static(range(self.state.lanes.width)):
-            size = 0.25 * self.modulus(at, lane, step) * step.spacing * step.spacing * exist[lane]
-            if ti.static(self.state.features.history):
-                damage = self.state.volume_damage[at.k, at.j, at.m][lane]
-                size *= self.share(grown[lane], damage, step)
-            for n in ti.static(range(9)):
-                force = size * grown[lane] * cofactors[n][lane]
-                self.state.swelling[n // 3][n % 3][at.strip, at.row, at.k, at.m][lane] = force
+        size = self.state.volume_modulus[at.k, at.j, at.m] * grown
+        size *= 0.25 * step.volumetric * step.spacing * step.spacing
+        if ti.static(self.state.features.history):
+            size *= self.share(grown, self.state.volume_damage[at.k, at.j, at.m], step)
+        force = ti.Matrix.zero(float, 9, self.state.lanes.width)
+        for n in ti.static(range(9)):
+            for lane in ti.static(range(self.state.lanes.width)):
+                force[n, lane] = size[lane] * cofactors[n][lane]
+        # all arithmetic before the first store, as in ``bars``
+        for n in ti.static(range(9)):
+            for lane in ti.static(range(self.state.lanes.width)):
+                stored = ti.static(self.state.swelling[n // 3][n % 3])
+                stored[at.strip, at.row, at.k, at.m][lane] = force[n, lane]
 
     @ti.func
     def force(self, axis: ti.template(), rows, at: ti.template()):
@@ -210,16 +196,14 @@ class ModuleVolumes:
     @ti.func
     def column_energy(self, at: ti.template(), step: ti.template()):
         """Energy of a column's modules, and what they have lost by fracture, J, in f64."""
+        k, j, m = at.k, at.j, at.m
         grown, _ = self.swelling(at, step)
-        exist = self.exist(at)
         total, lost = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
         for lane in ti.static(range(self.state.lanes.width)):
-            square = ti.cast(exist[lane] * grown[lane] * grown[lane], ti.f64)
-            square *= self.modulus(at, lane, step)
+            part = self.state.volume_modulus[k, j, m][lane] * grown[lane] * grown[lane]
             if ti.static(self.state.features.history):
-                damage = self.state.volume_damage[at.k, at.j, at.m][lane]
-                square *= self.share(grown[lane], damage, step)
-                lost += exist[lane] * self.state.volume_loss[at.k, at.j, at.m][lane]
-            total += square
+                part *= self.share(grown[lane], self.state.volume_damage[k, j, m][lane], step)
+                lost += ti.cast(self.state.volume_loss[k, j, m][lane], ti.f64)
+            total += ti.cast(part, ti.f64)
         edge = ti.cast(step.spacing, ti.f64)
-        return 0.5 * edge**3 * total, lost
+        return 0.5 * step.volumetric * edge**3 * total, lost

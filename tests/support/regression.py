@@ -52,10 +52,14 @@ SCENES: dict[str, dict[str, Any]] = {
         "clamp": {"kind": "rim"} | CLAMP,
         "solver": {"duration": 1e-4},
     },
-    "volumes-f64": {
+    "everything-f64": {
+        "plate": {"gravity": [0.0, 0.0, -1e3]},
         "material": FIRM | {"poisson_ratio": 0.36, "fracture": "crack", "after_failure": "closing"},
-        "striker": STRIKER,
-        "clamp": {"kind": "rings"} | CLAMP,
+        "disorder": {"youngs_modulus_cv": 0.05, "density_cv": 0.05, "seed": 1},
+        "striker": STRIKER | {"friction": 0.2},
+        "clamp": {"kind": "rings", "friction": 0.3} | CLAMP,
+        "floor": {"gap": 1e-4, "friction": 0.4},
+        "contact": {"fragments": True, "friction": 0.3},
         "solver": {"duration": 1e-4},
     },
     "cracking-f32": {
@@ -65,7 +69,7 @@ SCENES: dict[str, dict[str, Any]] = {
         "solver": {"duration": 1e-4, "precision": "f32"},
     },
 }
-ONLY_AS_USERS_DO = {"volumes-f64"}
+ONLY_AS_USERS_DO = {"everything-f64"}
 """Scenes that are not run as the tests compile them, for the time that their kernels take."""
 
 COLUMNS = ("displacement", "velocity", "force", "broken", "kinetic", "strain", "fracture")
