@@ -239,10 +239,11 @@ def reference_radius(scene: Scene) -> float | None:
 def mid_plane(dynamics: "Dynamics", shape: Array) -> tuple[Array, Array, Array]:
     """Grid lines x (nx,), y (ny,), m, and motion (ny, nx, 3) of the node plane at half height.
 
-    Corner nodes where the number of modules is even, centre nodes where it is odd.
+    Corner nodes where the number of modules is even, centre nodes where it is odd. A lattice without
+    centre nodes has the corner nodes below half height then.
     """
     nz = dynamics.lattice.mask.shape[0]
-    kind, layer = nz % 2, 1 + nz // 2
+    kind, layer = nz % dynamics.cell.sublattices, 1 + nz // 2
     stop = -1 - kind
     position = dynamics.lattice.grid()[kind, layer, 1:stop, 1:stop]
     return position[0, :, 0], position[:, 0, 1], shape[kind, layer, 1:stop, 1:stop]
