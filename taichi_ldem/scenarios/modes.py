@@ -239,8 +239,8 @@ def reference_radius(scene: Scene) -> float | None:
 def mid_plane(dynamics: "Dynamics", shape: Array) -> tuple[Array, Array, Array]:
     """Grid lines x (nx,), y (ny,), m, and motion (ny, nx, 3) of the node plane at half height.
 
-    Corner nodes where the number of modules is even, centre nodes where it is odd. A lattice without
-    centre nodes has the corner nodes below half height then.
+    Corner nodes where the number of modules is even, centre nodes where it is odd. A lattice
+    without centre nodes has the corner nodes below half height then.
     """
     nz = dynamics.lattice.mask.shape[0]
     kind, layer = nz % dynamics.cell.sublattices, 1 + nz // 2

@@ -328,6 +328,8 @@ class Simulation:
     def fracture_of(self, chosen: npt.NDArray[np.bool_]) -> tuple[float, int]:
         """Energy that some of the bars have dissipated, J, and the number of them that are broken.
 
+        What the volumes of modules have lost is not in it.
+
         Args:
             chosen: (14, *S) the bars.
         """
@@ -335,12 +337,16 @@ class Simulation:
         if not dynamics.features.damage:
             return 0.0, 0
         kept = [field.to_numpy() for field in dynamics.peak]
+        losses = dynamics.fields().get("volume_loss", [])
+        of_volumes = [field.to_numpy() for field in losses]
+        for field in losses:
+            field.fill(0)
         for field, peak, mine in zip(dynamics.peak, kept, chosen, strict=True):
             field.from_numpy(np.where(dynamics.lanes.spread(mine), peak, 0).astype(peak.dtype))
         self.energies.potential(self.now)
         total = self.energies.total()
-        for field, peak in zip(dynamics.peak, kept, strict=True):
-            field.from_numpy(peak)
+        for field, values in zip([*dynamics.peak, *losses], [*kept, *of_volumes], strict=True):
+            field.from_numpy(values)
         return float(total[FRACTURE]), int(total[BROKEN])
 
     def samples(self, between: Callable[[], None] = lambda: None) -> Iterator[Sample]:
