@@ -8,6 +8,7 @@ The drivers depend on columns, rows and the numbers of a step, but neither on ba
 """
 
 from collections.abc import Callable
+from functools import cached_property
 
 import taichi as ti
 
@@ -77,7 +78,7 @@ class Step:
         if ti.static(self.state.features.volumetric):
             self.volumes.column_forces(at, step)
 
-    @property
+    @cached_property
     def first(self) -> tuple[tuple[Callable[..., None], int], ...]:
         """Parts of the pass before pass 1, each after all of the one before it.
 
