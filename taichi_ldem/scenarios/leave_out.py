@@ -96,8 +96,7 @@ def kernels(simulation: "Simulation") -> list[str]:
     if simulation.dynamics.features.damage:
         found.append("broken bars")
     features = simulation.dynamics.features
-    before = features.crack or (features.volumetric and features.history)
-    if before and simulation.dynamics.in_strips:
+    if (features.crack or features.weakening) and simulation.dynamics.in_strips:
         found.append("damage before the step")
     return found
 

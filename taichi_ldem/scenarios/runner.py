@@ -53,7 +53,7 @@ def columns(scene: Scene) -> list[str]:
         "fracture_j": scene.material.damage,
         "damping_j": scene.solver.damping > 0,
         "contact_j": any(body.dissipates for body in present),
-        "external_j": any(scene.plate.gravity or ()) or any(body.works(scene) for body in present),
+        "external_j": scene.plate.falls or any(body.works(scene) for body in present),
         "energy_error": True,
         "broken_bars": scene.material.damage,
     }

@@ -103,9 +103,14 @@ class Plate(Table):
         return nx, ny, self.modules_through_thickness
 
     @property
+    def falls(self) -> bool:
+        """Whether gravity acts on it."""
+        return any(self.gravity or ())
+
+    @property
     def moves(self) -> bool:
         """Whether the plate has a velocity at the start, or gravity acts on it."""
-        return any(self.velocity or ()) or any(self.gravity or ())
+        return any(self.velocity or ()) or self.falls
 
     @property
     def is_prism(self) -> bool:

@@ -140,7 +140,7 @@ class Features:
     gravity: bool = _feature(
         "gravity on the plate",
         "no plate.gravity",
-        lambda scene: any(scene.plate.gravity or ()),
+        lambda scene: scene.plate.falls,
         lambda _: {"plate": {"gravity": [0.0, 0.0, -9.81]}},
     )
 
@@ -158,6 +158,11 @@ class Features:
     def history(self) -> bool:
         """Whether a bar may carry less than its elastic force."""
         return self.damage or self.notch
+
+    @property
+    def weakening(self) -> bool:
+        """Whether a module may lose the energy of its volume."""
+        return self.volumetric and self.history
 
     def left_out(self) -> list[str]:
         """A line for each feature that is absent, with the keys of the scene that say so."""
@@ -356,10 +361,6 @@ def _history(features: Features, _: Layout) -> bool:
     return features.history
 
 
-def _volume_history(features: Features, _: Layout) -> bool:
-    return features.volumetric and features.history
-
-
 def _named(name: str) -> Callable[[Features, Layout], bool]:
     return lambda features, _: bool(getattr(features, name))
 
@@ -377,9 +378,9 @@ FIELDS = (
     Row("swelling", "force of a module's volume on a corner towards + + +, by axis of the force and"
         " of the corner's place", "N", _bar_rows, "tensor", present=_named("volumetric")),
     Row("volume_damage", "1 less the share of its volumetric energy that a module still has in"
-        " tension", "", _columns, present=_volume_history, evolves=True),
+        " tension", "", _columns, present=_named("weakening"), evolves=True),
     Row("volume_loss", "volumetric energy that a module has lost by fracture", "J", _columns,
-        present=_volume_history, evolves=True),
+        present=_named("weakening"), evolves=True),
     Row("growth", "J - 1 of a module times the share of its volumetric energy, at the last step",
         "", _columns, present=lambda f, _: f.volumetric and f.crack),
     Row("volume_modulus", "lambda - mu of a module over the mean; 0 where there is no module", "",

@@ -88,7 +88,7 @@ class Step:
         """
         features, tips = self.state.features, self.tips
         volumes = ((self.volumes.weaken, HALO - 1),)
-        parts = volumes if features.volumetric and features.history else ()
+        parts = volumes if features.weakening else ()
         if features.crack:
             return ((tips.forget, HALO), *parts, (tips.open, HALO), (tips.fail, HALO))
         return parts

@@ -47,7 +47,7 @@ def test_pieces_touch_in_everything_only_where_the_scene_lets_them() -> None:
     assert everything(touching).contact == touching.contact
     added = kernels_of_everything(touching) - kernels_of_everything(scene)
     fragments = SimpleNamespace(kernel_names=lambda: ["contact: a", "pairs near: a"])
-    features = SimpleNamespace(damage=False, crack=False, volumetric=False, history=False)
+    features = SimpleNamespace(damage=False, crack=False, weakening=False)
     dynamics = SimpleNamespace(features=features, in_strips=True)
     simulation = SimpleNamespace(dynamics=dynamics, bodies=[], fragments=fragments)
     assert len(kernels(simulation)) == 2 + added  # type: ignore[arg-type]
@@ -58,7 +58,7 @@ def test_kernels_are_those_of_the_features() -> None:
         return SimpleNamespace(kernel_names=lambda: list(names))
 
     def of(damage: bool, *bodies: SimpleNamespace, crack: bool = False) -> list[str]:
-        features = SimpleNamespace(damage=damage, crack=crack, volumetric=False, history=damage)
+        features = SimpleNamespace(damage=damage, crack=crack, weakening=False)
         dynamics = SimpleNamespace(features=features, in_strips=True)
         simulation = SimpleNamespace(dynamics=dynamics, bodies=bodies, fragments=None)
         return kernels(simulation)  # type: ignore[arg-type]
