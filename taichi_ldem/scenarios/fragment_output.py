@@ -59,10 +59,10 @@ def count(simulation: "Simulation", displacement: Array) -> tuple[Labels, Pieces
     Args:
         displacement: (sublattices, *S, 3), m.
     """
-    from taichi_ldem.solver.build import notch_bars
-
     dynamics = simulation.dynamics
-    failed = notch_bars(simulation.scene, dynamics.lattice)
+    failed = np.zeros(dynamics.lattice.sites, dtype=np.uint16)
+    if dynamics.features.notch:
+        failed |= dynamics.lanes.gather(dynamics.removed.to_numpy())
     if dynamics.features.damage:
         failed |= dynamics.recorded_bits()
     labels = labels_of(dynamics.lattice, failed)

@@ -60,8 +60,8 @@ STICK = 0.1
 TINY = 1e-12
 """Least distance of two nodes, over that of contact, that has a direction."""
 
-OF_LISTED = ("ends", "friction", "home", "loose", "shown", "joins")
-"""Fields of a checkpoint with a value for each listed node."""
+OF_LISTED = ("friction", "home", "loose", "shown", "joins")
+"""Fields of a checkpoint with a value for each listed node, apart from the ends of their pairs."""
 
 # the entries of ``works``
 ELASTIC, PLATE_BEFORE, LOST = range(3)
@@ -186,12 +186,8 @@ class Fragments(NearbyPairs):
             "nodes": self.nodes.to_numpy()[:size],
             "ends": ends,
             "pairs": self.pairs.to_numpy()[: ends[-1] if size else 0],
-            "home": self.home.to_numpy()[:size],
-            "loose": self.loose.to_numpy()[:size],
-            "shown": self.shown.to_numpy()[:size],
-            "joins": self.joins.to_numpy()[:size],
-            "friction": self.friction.to_numpy()[:size],
             "works": self.works.to_numpy()[: self.most],
+            **{name: getattr(self, name).to_numpy()[:size] for name in OF_LISTED},
         }
 
     def restore_state(self, saved: Mapping[str, npt.NDArray]) -> None:
@@ -203,7 +199,7 @@ class Fragments(NearbyPairs):
         nodes, ends, pairs = saved["nodes"], saved["ends"], saved["pairs"]
         size, total = len(nodes), len(pairs)
         fits = size <= len(saved["works"]) <= self.capacity and total <= self.pairs.shape[0]
-        fits &= all(len(saved[name]) == size for name in OF_LISTED)
+        fits &= all(len(saved[name]) == size for name in ("ends", *OF_LISTED))
         fits &= total == (ends[-1] if size else 0) and not (np.diff(ends, prepend=0) < 0).any()
         for numbers, limit in ((nodes, self._node_numbers()), (pairs, size)):
             fits &= not len(numbers) or bool(numbers.min() >= 0 and numbers.max() < limit)
@@ -212,16 +208,8 @@ class Fragments(NearbyPairs):
         self.size, self.most = size, len(saved["works"])
         self.next_listing = int(saved["schedule"])
         self.count.from_numpy(np.array([size, size], dtype=np.int32))
-        for name, field in (
-            ("nodes", self.nodes),
-            ("pairs", self.pairs),
-            ("home", self.home),
-            ("loose", self.loose),
-            ("shown", self.shown),
-            ("joins", self.joins),
-            ("friction", self.friction),
-            ("works", self.works),
-        ):
+        for name in ("nodes", "pairs", "works", *OF_LISTED):
+            field = getattr(self, name)
             padded = field.to_numpy()
             padded[:] = 0
             padded[: len(saved[name])] = saved[name]
