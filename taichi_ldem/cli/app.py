@@ -10,7 +10,7 @@ from typing import Any
 
 import typer
 
-from taichi_ldem.cli import ensemble, notes, paper, run, show, study
+from taichi_ldem.cli import ensemble, gallery, notes, paper, run, show, study
 from taichi_ldem.errors import DamagedFile, ExitCode, SceneError
 from taichi_ldem.scenarios.interrupts import WORDS, Signalled
 from taichi_ldem.streams import courteous
@@ -27,7 +27,7 @@ def make_app() -> typer.Typer:
         pretty_exceptions_enable=False,
     )
     made.add_typer(study.app, name="study")
-    for group in (run, ensemble, show, paper):
+    for group in (run, ensemble, show, paper, gallery):
         group.register(made)
     return made
 

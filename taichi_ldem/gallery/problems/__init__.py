@@ -1,0 +1,1 @@
+"""A file for each problem, which defines ``PROBLEM``; ``gallery.registry`` lists them."""
