@@ -86,13 +86,13 @@ def _draw(figure: Figure, runs: Runs) -> None:
 PROBLEM = Problem(
     title="Three-point bending, notched",
     about=(
-        "A beam of PMMA, 24 mm between its supports, is hit by a striker of 3.6 kg at 1 m/s. Its"
-        " notch is in the middle, or half-way between the middle and a support."
+        "A beam of PMMA, 24 mm between its supports, is hit by a striker of 3.6 kg at 1 m/s. Its "
+        "notch is in the middle, or half-way between the middle and a support."
     ),
     source=(
-        "cost: G_f, by the compliance of Guinea et al. 1998; experiments scatter by 13 % (Fig. 7 of"
-        " the paper). Angle: a crack from a notch off the centre curves towards the load, by 10 to"
-        " 45 degrees (John and Shah 1990), one in the middle stays in its plane."
+        "cost: G_f, by the compliance of Guinea et al. 1998; experiments scatter by 13 % (Fig. 7 "
+        "of the paper). Angle: a crack from a notch off the centre curves towards the load, by 10 "
+        "to 45 degrees (John and Shah 1990), one in the middle stays in its plane."
     ),
     runs=(
         Run("bar", "bend.toml", _BAR, quick=None),

@@ -84,14 +84,14 @@ def _draw(figure: Figure, runs: Runs) -> None:
 PROBLEM = Problem(
     title="Radial cracks of a thin plate",
     about=(
-        "A bullet of steel, 4 mm wide, hits a plate of PMMA of 1 mm with 22 to 90 m/s. The plate"
-        " is free at its edge, and the run ends before much comes back from there."
+        "A bullet of steel, 4 mm wide, hits a plate of PMMA of 1 mm with 22 to 90 m/s. The plate "
+        "is free at its edge, and the run ends before much comes back from there."
     ),
     source=(
-        "Vandenberghe, Vermorel, Villermaux, Phys. Rev. Lett. 110, 174302 (2013): photographs with"
-        " four cracks at 22.2 m/s and eight at 56.7 m/s, with a scatter of about one; the number"
-        " doubles where the speed is four times as high. The mass of their bullets is not in the"
-        " sources that were read; here it is that of a cylinder of 10 mm."
+        "Vandenberghe, Vermorel, Villermaux, Phys. Rev. Lett. 110, 174302 (2013): photographs with "
+        "four cracks at 22.2 m/s and eight at 56.7 m/s, with a scatter of about one; the number "
+        "doubles where the speed is four times as high. The mass of their bullets is not in the "
+        "sources that were read; here it is that of a cylinder of 10 mm."
     ),
     runs=tuple(
         Run(

@@ -103,14 +103,14 @@ def _draw(figure: Figure, runs: Runs) -> None:
 PROBLEM = Problem(
     title="A crack in a strip",
     about=(
-        "A strip of PMMA with a notch is clamped along its long edges and pulled apart slowly,"
-        " until a crack runs along it. Far ahead of the crack it stores what the crack costs."
+        "A strip of PMMA with a notch is clamped along its long edges and pulled apart slowly, "
+        "until a crack runs along it. Far ahead of the crack it stores what the crack costs."
     ),
     source=(
-        "cost: G_f, which the scene gives (Rivlin and Thomas 1953); the interval of 25 % is the"
-        " scatter of measured fracture energies. Speed: cracks in PMMA and glass run at 0.4 c_R and"
-        " more once unstable and never above c_R (Ravi-Chandar 2004; Freund 1990). Path: mode I is"
-        " straight. The speed should change by less than 20 % on refinement."
+        "cost: G_f, which the scene gives (Rivlin and Thomas 1953); the interval of 25 % is the "
+        "scatter of measured fracture energies. Speed: cracks in PMMA and glass run at 0.4 c_R and "
+        "more once unstable and never above c_R (Ravi-Chandar 2004; Freund 1990). Path: mode I is "
+        "straight. The speed should change by less than 20 % on refinement."
     ),
     runs=(
         Run("bar", "strip.toml"),

@@ -1,0 +1,112 @@
+"""Branching of a crack in a plate of glass under a sudden traction."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taichi_ldem.gallery.problem import Finding, Problem, Run, Runs, between
+from taichi_ldem.gallery.readings import Array, advance
+from taichi_ldem.storage.fields import read_broken_bars
+from taichi_ldem.studies.toughness.strip import rayleigh_speed
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from taichi_ldem.output.loaded import LoadedRun
+
+LABELS = {
+    "crack": "cracks cost G_f",
+    "crack_fine": "cracks cost G_f, 0.17 mm",
+    "bar": "paper's method",
+}
+
+APART = 1.5e-3
+"""Distance between two parts of the crack, m, from which it counts as branched: six modules."""
+
+
+def _spread(run: LoadedRun) -> tuple[Array, Array]:
+    """Places along the plate, in steps of two modules, and the width of what failed there, m."""
+    bars = read_broken_bars(run.folder.fields_file)
+    step = 2 * run.scene.plate.spacing
+    slots = np.floor(bars.position_m[:, 0] / step).astype(int)
+    used = np.unique(slots)
+    across = bars.position_m[:, 1]
+    width = np.array([np.ptp(across[slots == n]) for n in used])
+    return (used + 0.5) * step, width
+
+
+def branch(run: LoadedRun) -> float | None:
+    """Distance from the notch's tip at which the crack branches, m; None where it does not.
+
+    From there on the failed bars are spread over more than ``APART``, up to where the crack ends.
+    """
+    place, width = _spread(run)
+    apart = (width > APART) & (place > 0)
+    if not apart.any():
+        return None
+    whole = np.flatnonzero((width <= APART) & (place > 0) & (place < place[apart].max()))
+    after = place[whole[-1]] if len(whole) else 0.0
+    later = place[apart & (place > after)]
+    return float(later.min()) if len(later) else None
+
+
+def _speed(run: LoadedRun) -> float | None:
+    """Speed of the crack before it branches, over that of Rayleigh waves."""
+    material, at = run.scene.material, branch(run) or 0.02
+    crack = advance(run, tip=(0.0, 0.0), reach=APART)
+    wave = rayleigh_speed(material.youngs_modulus, material.poisson_ratio, material.density)
+    speed = crack.speed(0.4 * at, at)
+    return None if speed is None else speed / wave
+
+
+def _judge(runs: Runs) -> list[Finding]:
+    found = []
+    for name, run in runs.items():
+        at = branch(run)
+        from_tip = None if at is None else 1e3 * at
+        label = LABELS[name]
+        found.append(between("branches after", "mm", from_tip, 5.0, 30.0, run=label))
+        found.append(between("speed before, over c_R", "", _speed(run), 0.3, 0.65, run=label))
+    return found
+
+
+def _draw(figure: Figure, runs: Runs) -> None:
+    grid = figure.subplots(len(runs), 1, sharex=True, squeeze=False)
+    for axes, (name, run) in zip(grid.ravel(), runs.items(), strict=True):
+        bars = read_broken_bars(run.folder.fields_file)
+        x, y = 1e3 * bars.position_m[:, 0], 1e3 * bars.position_m[:, 1]
+        points = axes.scatter(x, y, c=1e6 * bars.time_s, s=1.5, cmap="viridis")
+        axes.set(ylabel="y [mm]", xlim=(-50, 50), ylim=(-20, 20), aspect="equal")
+        axes.set_title(LABELS[name], fontsize=12)
+        figure.colorbar(points, ax=axes, label="time [us]")
+    grid[-1][0].set_xlabel("x [mm]")
+
+
+PROBLEM = Problem(
+    title="Branching in a glass plate",
+    about=(
+        "A plate of soda-lime glass, 100 x 40 mm, with a notch to its middle, is pulled by a "
+        "traction of 2 MPa that acts at once on both long edges. The plate is two modules thick."
+    ),
+    source=(
+        "Bobaru and Zhang, Int. J. Fracture 196 (2015) 59, whose crack branches under this "
+        "traction; Ha and Bobaru, Int. J. Fracture 162 (2010) 229 and Borden et al., Comput. "
+        "Methods Appl. Mech. Eng. 217 (2012) 77 have the same problem with other numbers: the "
+        "crack branches 5 to 30 mm behind the notch, and runs at 0.3 to 0.65 c_R before."
+    ),
+    runs=(
+        Run("crack", "branching.toml"),
+        Run(
+            "crack_fine",
+            "branching.toml",
+            ("plate.modules_through_thickness=3",),
+            quick=None,
+        ),
+        Run("bar", "branching.toml", ('material.fracture="bar"',), quick=None),
+    ),
+    judge=_judge,
+    draw=_draw,
+    size=(9.0, 10.0),
+)

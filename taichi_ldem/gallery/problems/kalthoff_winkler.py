@@ -1,0 +1,104 @@
+"""Kalthoff and Winkler: a steel plate with two notches whose edge is struck between them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taichi_ldem.gallery.problem import Finding, Problem, Run, Runs, between
+from taichi_ldem.gallery.readings import Advance, advance
+from taichi_ldem.storage.fields import read_broken_bars
+from taichi_ldem.studies.toughness.strip import rayleigh_speed
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from taichi_ldem.output.loaded import LoadedRun
+
+LABELS = {
+    "crack": "cracks cost G_f, 16.5 m/s",
+    "crack_fast": "cracks cost G_f, 32 m/s",
+    "bar": "paper's method, 16.5 m/s",
+}
+
+TIP = (0.0, -0.025)
+"""Tip of the notch, x and y, m."""
+
+WINDOW = (3e-3, 30e-3)
+"""Distances from the tip between which the crack's angle is measured, m."""
+
+
+def _crack(run: LoadedRun) -> Advance:
+    """The bars that failed around the tip, along the ray at 70 degrees."""
+    angle = np.radians(70.0)
+    direction = (float(np.cos(angle)), float(np.sin(angle)))
+    return advance(run, tip=TIP, direction=direction, reach=15e-3)
+
+
+def _angle(run: LoadedRun) -> float | None:
+    """Angle of the crack to the notch, degrees."""
+    crack = _crack(run).between(*WINDOW)
+    if len(crack.along) < 10 or crack.along.max() < 0.5 * WINDOW[1]:
+        return None
+    slope = float(np.polyfit(crack.along, crack.across, 1)[0])
+    return 70.0 + float(np.degrees(np.arctan(slope)))
+
+
+def _speed(run: LoadedRun) -> float | None:
+    material = run.scene.material
+    wave = rayleigh_speed(material.youngs_modulus, material.poisson_ratio, material.density)
+    speed = _crack(run).speed(5e-3, 20e-3)
+    return None if speed is None else speed / wave
+
+
+def _judge(runs: Runs) -> list[Finding]:
+    found = []
+    for name, run in runs.items():
+        label = LABELS[name]
+        found.append(between("angle to the notch", "degrees", _angle(run), 60.0, 75.0, run=label))
+        found.append(between("speed over c_R", "", _speed(run), 0.3, 0.75, run=label))
+    return found
+
+
+def _draw(figure: Figure, runs: Runs) -> None:
+    grid = figure.subplots(1, len(runs), sharey=True, squeeze=False)
+    for axes, (name, run) in zip(grid.ravel(), runs.items(), strict=True):
+        bars = read_broken_bars(run.folder.fields_file)
+        x, y = 1e3 * bars.position_m[:, 0], 1e3 * bars.position_m[:, 1]
+        points = axes.scatter(x, y, c=1e6 * bars.time_s, s=1.0, cmap="viridis")
+        axes.plot([-50, 0], [-25, -25], "k", linewidth=2)
+        ray = np.array([0.0, 60.0])
+        angle = np.radians(70.0)
+        axes.plot(ray * np.cos(angle), -25 + ray * np.sin(angle), "k--", label="70 degrees")
+        axes.set(xlabel="x [mm]", xlim=(-50, 50), ylim=(-50, 50), aspect="equal")
+        axes.set_title(LABELS[name], fontsize=11)
+    grid[0][0].set_ylabel("y [mm]")
+    grid[0][0].legend(fontsize=10)
+    figure.colorbar(points, ax=grid.ravel().tolist(), label="time [us]", shrink=0.7)
+
+
+PROBLEM = Problem(
+    title="Kalthoff-Winkler: a struck plate with notches",
+    about=(
+        "Half of a plate of maraging steel, 100 x 200 mm with two notches of 50 mm. The edge "
+        "between the notches gets the speed at once. The plate is 2 mm thick here, two modules: "
+        "nothing varies through its thickness."
+    ),
+    source=(
+        "Kalthoff and Winkler 1987, Kalthoff, Int. J. Fracture 101 (2000) 1: brittle cracks at "
+        "about 70 degrees; published simulations give 60 to 75 degrees (Silling 2003, Borden et "
+        "al. 2012, Hofacker and Miehe 2013) and speeds up to 0.75 c_R (Belytschko et al. 2003). E "
+        "190 GPa, nu 0.3, 8000 kg/m3, G_c 22.13 kJ/m2 as there; the strength is not given there. "
+        "In the experiment 32 m/s makes a shear band instead, which needs plasticity; without it "
+        "the crack is the same as at 16.5 m/s."
+    ),
+    runs=(
+        Run("crack", "kalthoff_winkler.toml"),
+        Run("crack_fast", "kalthoff_winkler.toml", ("load[0].velocity=32.0",), quick=None),
+        Run("bar", "kalthoff_winkler.toml", ('material.fracture="bar"',), quick=None),
+    ),
+    judge=_judge,
+    draw=_draw,
+    size=(12.0, 5.0),
+)

@@ -1,0 +1,103 @@
+"""A crack in a strip that was stretched before: its speed against what the strip stores."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taichi_ldem.gallery.problem import Finding, Problem, Run, Runs, between
+from taichi_ldem.gallery.readings import Advance, advance
+from taichi_ldem.studies.toughness.strip import rayleigh_speed
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from taichi_ldem.output.loaded import LoadedRun
+
+OFFERED = (1.2, 1.6, 2.2, 3.2)
+"""G / G_f that the strips store."""
+
+HEIGHT = 0.019
+"""Height between the clamps, m."""
+
+MODELS = {"crack": "cracks cost G_f", "bar": "paper's method"}
+
+
+def _strain(offered: float) -> float:
+    """Strain at which a strip stores so much, G = E' eps^2 H / 2 with PMMA's constants."""
+    modulus = 3.35e9 / (1 - 0.25**2)
+    return math.sqrt(2 * offered * 1034.0 / (modulus * HEIGHT))
+
+
+def _crack(run: LoadedRun) -> Advance:
+    return advance(run, tip=(run.scene.notch[0].bounds[0][1], 0.0), reach=0.25 * HEIGHT)
+
+
+def speed(run: LoadedRun) -> float | None:
+    """Mean speed in the middle of the strip over that of Rayleigh waves."""
+    material = run.scene.material
+    wave = rayleigh_speed(material.youngs_modulus, material.poisson_ratio, material.density)
+    found = _crack(run).speed(0.03, 0.07)
+    return None if found is None else found / wave
+
+
+def _judge(runs: Runs) -> list[Finding]:
+    found = []
+    for model, label in MODELS.items():
+        for offered in OFFERED:
+            run = runs.get(f"{model}_{offered:g}")
+            if run is None:
+                continue
+            expected = 1 - 1 / offered
+            found.append(
+                between(
+                    f"speed over c_R at {offered:g} G_f",
+                    "",
+                    speed(run),
+                    round(expected - 0.15, 2),
+                    round(expected + 0.15, 2),
+                    run=label,
+                )
+            )
+    return found
+
+
+def _draw(figure: Figure, runs: Runs) -> None:
+    axes = figure.subplots()
+    for model, label in MODELS.items():
+        known = [offered for offered in OFFERED if f"{model}_{offered:g}" in runs]
+        speeds = [speed(runs[f"{model}_{offered:g}"]) or math.nan for offered in known]
+        axes.plot(known, speeds, "o-", label=label)
+    offered = np.linspace(1, 3.5, 100)
+    axes.plot(offered, 1 - 1 / offered, "k--", label="$c_R (1 - G_f / G)$")
+    axes.set(xlabel="stored energy over G_f", ylabel="speed over c_R", ylim=(0, 1.1))
+    axes.legend()
+
+
+PROBLEM = Problem(
+    title="A crack in a stretched strip",
+    about=(
+        "A strip of PMMA, 120 x 20 mm, is stretched across and clamped along its long edges. A "
+        "notch opens at one end, and a crack runs through. Its speed is measured between 30 and 70 "
+        "mm from the notch."
+    ),
+    source=(
+        "Freund, Dynamic Fracture Mechanics (1990): v = c_R (1 - G_f / G), here with an interval "
+        "of 0.15 c_R. It holds before waves come back from the clamps; later the crack in a strip "
+        "gets faster (Goldman, Livne, Fineberg, Phys. Rev. Lett. 104, 114301 (2010))."
+    ),
+    runs=tuple(
+        Run(
+            f"{model}_{offered:g}",
+            "prestrained_strip.toml",
+            (f'material.fracture="{model}"', f"start.strain=[0.0, {_strain(offered)!r}, 0.0]"),
+            () if model == "crack" and offered == 2.2 else None,
+        )
+        for model in MODELS
+        for offered in OFFERED
+    ),
+    judge=_judge,
+    draw=_draw,
+)

@@ -1,0 +1,113 @@
+"""A ring that expands breaks into pieces: their number."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taichi_ldem.gallery.problem import Finding, Problem, Run, Runs, between
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from taichi_ldem.output.loaded import LoadedRun
+
+RATES = (150.0, 300.0, 1000.0, 3000.0)
+"""Rates of strain, 1/s."""
+
+SMALLEST = 0.2
+"""Share of the mean piece's mass from which a piece counts: the rest is dust of the cracks."""
+
+
+def _name(model: str, rate: float) -> str:
+    return f"{model}_{rate:g}"
+
+
+def _perimeter(run: LoadedRun) -> float:
+    scene = run.scene
+    return math.pi * 0.5 * (scene.plate.size[0] + scene.hole[0].diameter)
+
+
+def grady(run: LoadedRun, rate: float) -> float:
+    """Number of pieces whose kinetic energy of expansion pays for their cracks (Grady 1982)."""
+    material = run.scene.material
+    size = (24 * material.fracture_energy / (material.density * rate**2)) ** (1 / 3)
+    return _perimeter(run) / size
+
+
+def zhou(run: LoadedRun, rate: float) -> float:
+    """Number of pieces by the fit to cohesive rings of Zhou, Molinari and Ramesh 2006."""
+    material = run.scene.material
+    modulus, energy = material.youngs_modulus, material.fracture_energy
+    strength = modulus * material.failure_strain
+    speed = math.sqrt(modulus / material.density)
+    scaled = rate / (speed * strength**3 / (modulus**2 * energy))
+    length = modulus * energy / strength**2
+    size = length * 4.5 / (1 + 0.77 * scaled**0.25 + 5.4 * scaled**0.75)
+    return _perimeter(run) / size
+
+
+def pieces(run: LoadedRun) -> int:
+    """Number of pieces at the end that are no dust."""
+    from taichi_ldem.storage.fragments import read_fragments
+
+    table = read_fragments(run.folder.fragments_file)
+    masses = np.sort(table["mass_kg"][table["time_s"] == table["time_s"].max()])[::-1]
+    typical = masses[: max(1, len(masses) // 4)].mean()
+    return int((masses > SMALLEST * typical).sum())
+
+
+def _judge(runs: Runs) -> list[Finding]:
+    found = []
+    for model, label in (("bar", "paper's method"), ("crack", "cracks cost G_f")):
+        for rate in RATES:
+            run = runs.get(_name(model, rate))
+            if run is None:
+                continue
+            low, high = grady(run, rate), 1.3 * zhou(run, rate)
+            where = f"{label}, {rate:g} /s"
+            found.append(between("pieces", "", pieces(run), round(low), round(high), run=where))
+    return found
+
+
+def _draw(figure: Figure, runs: Runs) -> None:
+    axes = figure.subplots()
+    for model, label in (("bar", "paper's method"), ("crack", "cracks cost G_f")):
+        known = [rate for rate in RATES if _name(model, rate) in runs]
+        counts = [pieces(runs[_name(model, rate)]) for rate in known]
+        axes.loglog(known, counts, "o-", label=label)
+    any_run = next(iter(runs.values()))
+    rates = np.geomspace(100, 4000, 40)
+    axes.loglog(rates, [grady(any_run, rate) for rate in rates], "k--", label="Grady 1982")
+    axes.loglog(rates, [zhou(any_run, rate) for rate in rates], "k:", label="Zhou et al. 2006")
+    axes.set(xlabel="rate of strain [1/s]", ylabel="pieces")
+    axes.legend()
+
+
+PROBLEM = Problem(
+    title="Fragments of an expanding ring",
+    about=(
+        "A ring of PMMA, 102 mm in mean diameter with a section of 2 x 2 mm, expands at a rate of "
+        "strain of 150 to 3000 per second until it breaks."
+    ),
+    source=(
+        "Grady, J. Appl. Phys. 53 (1982) 322 takes the kinetic energy of expansion alone, so it "
+        "gives the fewest pieces; the fit of Zhou, Molinari and Ramesh, Appl. Phys. Lett. 88 "
+        "(2006) 261918 to rings of cohesive elements without flaws gives the most. The number "
+        "should lie between the two, with 30 % above the second for the fit's scatter."
+    ),
+    runs=tuple(
+        Run(
+            _name(model, rate),
+            "ring.toml",
+            (f'material.fracture="{model}"', f"start.expansion={rate!r}"),
+            () if model == "bar" and rate == 300.0 else None,
+        )
+        for model in ("bar", "crack")
+        for rate in RATES
+    ),
+    judge=_judge,
+    draw=_draw,
+)
