@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from taichi_ldem.scene import Scene
+from taichi_ldem.scene.schema import fields_of
 
 _NOTHING = 1e-3  # share of the largest of a list, below which a number is shown as 0
 
@@ -130,7 +131,7 @@ NUMBERS: dict[str, Number] = {
     "damping_j": Number("lost by damping", "J"),
     "pieces_elastic_j": Number("energy stored where pieces touch", "J"),
     "pieces_friction_j": Number("lost by friction of pieces", "J"),
-    "external_j": Number("work of gravity or grips", "J"),
+    "external_j": Number("work of gravity, grips or loads", "J"),
     "energy_error": Number("energy error, of the initial energy", "%", 100.0),
     "energy_error_of_plate": Number("energy error, of what the plate was given", "%", 100.0),
     "wall_s": Number("time of stepping", "s"),
@@ -193,7 +194,7 @@ _UNIT = re.compile(
 def unit_of(key: str) -> str:
     """Unit of a scene's key ("striker.mass"), from the key's description; "" where it has none."""
     table, _, name = key.partition(".")
-    field = Scene.model_fields.get(table)
+    field = fields_of(Scene).get(table)
     kinds = [field.annotation, *getattr(field.annotation, "__args__", ())] if field else []
     for kind in kinds:
         inner = getattr(kind, "model_fields", {}).get(name)

@@ -214,7 +214,12 @@ def left_out(scene: Scene) -> list[str]:
     """What the scene does not have, and why: neither allocated nor compiled."""
     contacts = [contact.absent for contact in CONTACTS if contact.table(scene) is None]
     smooth = [line for body in BODIES if (line := body.without_friction(scene))]
-    return [*Features.of(scene).left_out(), *contacts, *smooth]
+    absent = {
+        "motion and strain at the start (no [start])": scene.start is None,
+        "probes (no [[probe]])": not scene.probes,
+    }
+    without = [line for line, is_absent in absent.items() if is_absent]
+    return [*Features.of(scene).left_out(), *contacts, *without, *smooth]
 
 
 def _disorder(scene: Scene, drawn: dict[str, tuple[float, float]]) -> dict[str, str]:

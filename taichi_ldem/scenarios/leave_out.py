@@ -95,6 +95,8 @@ def kernels(simulation: "Simulation") -> list[str]:
         found += simulation.fragments.kernel_names()
     if simulation.dynamics.features.damage:
         found.append("broken bars")
+    if simulation.scene.probes:
+        found.append("probes")
     features = simulation.dynamics.features
     if (features.crack or features.weakening) and simulation.dynamics.in_strips:
         found.append("damage before the step")

@@ -141,6 +141,21 @@ _ENTRIES = (
         ),
     ),
     Scenario(
+        "load",
+        "Load a plate by tractions, forces or prescribed motions",
+        "Plate under loads",
+        "taichi_ldem.scenarios.load",
+        figures=(
+            "loads",
+            "force",
+            "floor_force",
+            "velocity",
+            "energy",
+            "crack_map",
+            "fragments",
+        ),
+    ),
+    Scenario(
         "wave",
         "Send a pulse through a bar or a plate",
         "Travelling pulse",

@@ -3,6 +3,7 @@
 from taichi_ldem.scene.bodies import Clamp, Contact, Floor, Grips, Striker, Supports
 from taichi_ldem.scene.checks import SCENARIOS, ScenarioRules, register_scenario
 from taichi_ldem.scene.load import Override
+from taichi_ldem.scene.loads import Load, Probe, Start
 from taichi_ldem.scene.messages import NATURAL
 from taichi_ldem.scene.names import LAW_NAMES, NOSE_NAMES
 from taichi_ldem.scene.scene import (
@@ -42,16 +43,19 @@ __all__ = [
     "Disorder",
     "Floor",
     "Grips",
+    "Load",
     "Material",
     "Modes",
     "Notch",
     "Output",
     "Override",
     "Plate",
+    "Probe",
     "Pulse",
     "ScenarioRules",
     "Scene",
     "Solver",
+    "Start",
     "Striker",
     "Supports",
     "key_for",

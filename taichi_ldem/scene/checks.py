@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from taichi_ldem.errors import SceneError
 from taichi_ldem.scene.equations import FAMILY_NAMES, QUARTER, Bars, bar_families
+from taichi_ldem.scene.load_rules import check_loads, check_probes, check_start
 from taichi_ldem.scene.values import refuse
 from taichi_ldem.scene.weibull import strength_by_volume
 
@@ -192,6 +193,8 @@ def _check_free_prism(scene: Scene) -> None:
         ("supports", scene.supports),
         ("floor", scene.floor),
         ("notch", scene.notch),
+        ("load", scene.loads),
+        ("start", scene.start),
     ):
         if present:
             raise ValueError(
@@ -205,6 +208,7 @@ SCENARIOS = {
         needs=("grips",), without=("striker", "clamp", "floor"), check=_check_tension
     ),
     "bend": ScenarioRules(needs=("striker", "supports"), check=_check_bend),
+    "load": ScenarioRules(),
     "wave": ScenarioRules(needs=("pulse",), without=("contact",), check=_check_wave),
     "modes": ScenarioRules(
         without=("contact",), breaks=False, defaults={"solver": {"duration": NO_DURATION}}
@@ -452,5 +456,8 @@ CHECKS: tuple[Callable[[Scene], None], ...] = (
     _check_output,
     _check_vulkan,
     _check_notches,
+    check_loads,
+    check_start,
+    check_probes,
 )
 """All checks, in the order in which faults are reported."""

@@ -11,7 +11,7 @@ from pydantic import BaseModel
 from taichi_ldem.errors import SceneError, SceneNote
 from taichi_ldem.reading import parse_toml
 from taichi_ldem.scene.messages import nearest
-from taichi_ldem.scene.schema import is_list, single_tables
+from taichi_ldem.scene.schema import fields_of, is_list, single_tables
 from taichi_ldem.scene.tables import DISORDERED, Output
 from taichi_ldem.scene.values import show
 
@@ -95,10 +95,10 @@ def _parse_override(text: str, schema: type[BaseModel]) -> Override:
     path = tuple(key.split("."))
     if not equals or not all(path) or len(path) > 2 or (len(path) == 1 and key != "scenario"):
         raise SceneError(f"--set {text}: must have the form section.key=value")
-    if len(path) == 2 and path[0] not in schema.model_fields:
+    if len(path) == 2 and path[0] not in fields_of(schema):
         hint = nearest(path[0], single_tables(schema))
         raise SceneError(f"--set {text}: unknown section '{path[0]}'; {hint}")
-    repeated = len(path) == 2 and is_list(schema.model_fields[path[0]])
+    repeated = len(path) == 2 and is_list(fields_of(schema)[path[0]])
     return Override(path, _parse_value(text, value), repeated)
 
 

@@ -13,6 +13,9 @@ from pydantic import BeforeValidator, Field, ValidationError, model_validator
 from taichi_ldem.errors import SceneError
 from taichi_ldem.scene import checks, load, messages
 from taichi_ldem.scene.bodies import Clamp, Contact, Floor, Grips, Striker, Supports
+from taichi_ldem.scene.load_rules import LISTED, with_names
+from taichi_ldem.scene.load_tables import with_tables
+from taichi_ldem.scene.loads import Load, Probe, Start
 from taichi_ldem.scene.schema import tables_of
 from taichi_ldem.scene.specimen import Notch, Plate
 from taichi_ldem.scene.tables import (
@@ -51,6 +54,9 @@ class Scene(Table, metaclass=_OneLine):
     supports: Supports | None = None
     floor: Floor | None = None
     contact: Contact | None = None
+    loads: tuple[Load, ...] = Field(default=(), alias="load")  # `Scene.load` reads a file
+    start: Start | None = None
+    probes: tuple[Probe, ...] = Field(default=(), alias="probe")
     solver: Solver
     output: Output = Output()
     notch: tuple[Notch, ...] = ()
@@ -110,7 +116,7 @@ class Scene(Table, metaclass=_OneLine):
     @model_validator(mode="before")
     @classmethod
     def _with_defaults(cls, data: Any) -> Any:
-        return checks.with_defaults(data)
+        return with_names(checks.with_defaults(data))
 
     @model_validator(mode="after")
     def _check(self) -> Scene:
@@ -142,13 +148,14 @@ def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
         SceneError: file, an override or a value is not acceptable; one line.
     """
     path = Path(path)
-    return _overridden(load.read_file(path), path.name, overrides)
+    return _overridden(load.read_file(path), path.name, overrides, path.parent)
 
 
 def load_tables(path: str | Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
     """The tables of a scene file with overrides, not validated; otherwise as `load_scene`."""
     data = load.read_file(Path(path))
-    return load.apply_overrides(data, load.parse_overrides(overrides, Scene))
+    changed = load.apply_overrides(data, load.parse_overrides(overrides, Scene))
+    return with_tables(changed, Path(path).parent)
 
 
 def parse_overrides(texts: Sequence[str]) -> list[load.Override]:
@@ -204,8 +211,9 @@ def parse_scene_text(text: str, name: str) -> Scene:
 def scene_to_toml(scene: Scene) -> str:
     """The resolved scene, defaults included, as TOML that `load_scene` reads to an equal Scene."""
     data = scene.model_dump(by_alias=True, exclude_none=True)
-    if not scene.notch:
-        del data["notch"]
+    for name in ("notch", *LISTED):
+        if not data[name]:
+            del data[name]
     return load.write_toml(data)
 
 
@@ -214,7 +222,12 @@ def key_for(word: str) -> str | None:
     return messages.key_for(word, Scene)
 
 
-def _overridden(data: dict[str, Any], name: str, texts: Sequence[str]) -> Scene:
+def _overridden(
+    data: dict[str, Any], name: str, texts: Sequence[str], folder: Path | None = None
+) -> Scene:
     overrides = load.parse_overrides(texts, Scene)
     keys = {override.key for override in overrides}
-    return parse_scene(load.apply_overrides(data, overrides), name, keys)
+    changed = load.apply_overrides(data, overrides)
+    if folder is not None:
+        changed = with_tables(changed, folder)
+    return parse_scene(changed, name, keys)

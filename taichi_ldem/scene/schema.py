@@ -9,15 +9,20 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 
+def fields_of(schema: type[BaseModel]) -> dict[str, FieldInfo]:
+    """The fields of a schema by their names in a file."""
+    return {field.alias or name: field for name, field in schema.model_fields.items()}
+
+
 def tables_of(schema: type[BaseModel]) -> dict[str, type[BaseModel]]:
     """The tables of a schema by name, those that may be repeated included."""
-    found = ((name, table_of(field)) for name, field in schema.model_fields.items())
+    found = ((name, table_of(field)) for name, field in fields_of(schema).items())
     return {name: table for name, table in found if table is not None}
 
 
 def single_tables(schema: type[BaseModel]) -> list[str]:
     """Names of the tables that a scene has once."""
-    return [name for name in tables_of(schema) if not is_list(schema.model_fields[name])]
+    return [name for name in tables_of(schema) if not is_list(fields_of(schema)[name])]
 
 
 def table_of(field: FieldInfo) -> type[BaseModel] | None:

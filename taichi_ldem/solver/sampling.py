@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from taichi_ldem.scene import Scene
 from taichi_ldem.solver.contact import BODIES
 from taichi_ldem.solver.contact.kernels.body import (
     IMPULSE,
@@ -16,6 +17,7 @@ from taichi_ldem.solver.contact.kernels.body import (
     Reading,
     RigidBody,
 )
+from taichi_ldem.solver.dynamics import Dynamics
 from taichi_ldem.solver.energy import EnergySums, Ledger
 from taichi_ldem.solver.state import field_apart
 
@@ -59,10 +61,18 @@ class Sampler:
     Attributes:
         recorded: (bodies, 2) f64: see ``LOST``.
         impulses: of every body at the last sample, N s, by name; 0 for absent bodies.
+        probes: of the scene; None where it has none.
     """
 
-    def __init__(self, bodies: list[RigidBody], energies: EnergySums):
+    def __init__(
+        self, bodies: list[RigidBody], energies: EnergySums, dynamics: Dynamics, scene: Scene
+    ):
         self.bodies, self.energies = bodies, energies
+        self.probes: Any = None
+        if scene.probes:
+            from taichi_ldem.solver.probes import Probes
+
+            self.probes = Probes(dynamics, scene)
         self.recorded = field_apart(ti.f64, (max(len(bodies), 1), 2))
         self.start()
 
@@ -70,9 +80,25 @@ class Sampler:
         """Clear the last sample."""
         self.impulses = dict.fromkeys((body.name for body in BODIES), 0.0)
 
+    def place(self, scene: Scene) -> None:
+        """Take the probes of another scene.
+
+        Raises:
+            ValueError: they need other fields.
+        """
+        if bool(scene.probes) != (self.probes is not None):
+            raise ValueError("probes: no probes can be added or taken away")
+        if self.probes is not None:
+            self.probes.place(scene)
+
+    def record(self, now: int) -> None:
+        """Record the values of bodies and probes before a measured step from buffer ``now``."""
+        self._record()
+        if self.probes is not None:
+            self.probes.record(now)
+
     @ti.kernel
-    def record(self):
-        """Record the values of the bodies before a measured step."""
+    def _record(self):
         for n in ti.static(range(len(self.bodies))):
             self.bodies[n].add_up()
         ti.loop_config(serialize=True)
@@ -143,6 +169,7 @@ class Sampler:
                 force = (reading.impulse - self.impulses[body.name]) / since
                 self.impulses[body.name] = reading.impulse
                 values = body.observe(reading, force, at, now)
-                columns = (observable.column for observable in declared.observables)
-                observed |= dict(zip(columns, values, strict=True))
+                observed |= dict(zip(body.columns, values, strict=True))
+        if self.probes is not None:
+            observed |= self.probes.observed(now)
         return observed

@@ -28,6 +28,7 @@ from taichi_ldem.solver.energy import (
     Ledger,
 )
 from taichi_ldem.solver.sampling import Sample, Sampler
+from taichi_ldem.solver.start import set_off
 from taichi_ldem.solver.step import StepNumbers
 
 __all__ = ["STEPS_A_LAUNCH", "STEPS_BETWEEN_LISTS", "Sample", "Simulation"]
@@ -73,7 +74,7 @@ class Simulation:
         self._read_numbers()
         self.fragments: Any = FRAGMENTS.build(self.dynamics, scene, self.time_step)
         self.pieces_touch = self.fragments is not None
-        self._set_off()
+        set_off(self)
         self.bodies: list[RigidBody] = []
         for declared in in_order_of_resolving():
             body = declared.build(self.dynamics, scene, self.time_step)
@@ -84,7 +85,7 @@ class Simulation:
             if self.shared and part.meets_others:
                 part.share_nodes()
         self.energies = EnergySums(self.dynamics)
-        self.sampler = Sampler(self.bodies, self.energies)
+        self.sampler = Sampler(self.bodies, self.energies, self.dynamics, scene)
         self._start_clock()
 
     def _read_numbers(self) -> None:
@@ -94,13 +95,6 @@ class Simulation:
         self.critical_time_step = stability.critical_time_step(self.dynamics)
         self.time_step, self.sample_every = self._choose_time_step()
         self.steps = round(self.scene.solver.duration / self.time_step)
-
-    def _set_off(self) -> None:
-        """Give the plate its velocity at t = 0, half a step back, where gravity already acts."""
-        plate, exists = self.scene.plate, self.dynamics.lattice.exists()
-        if plate.moves:
-            velocity = exists[..., None] * np.array(plate.velocity or (0.0, 0.0, 0.0))
-            self.start_from(np.zeros_like(velocity), velocity)
 
     def _start_clock(self) -> None:
         self.now, self.step_number = 0, 0
@@ -135,11 +129,12 @@ class Simulation:
         self.scene = scene
         self.now = 0
         self._read_numbers()
-        self._set_off()
+        set_off(self)
         for part in self.bodies:
             part.reset(scene, self.time_step)
         if self.pieces_touch:
             self.fragments.reset(scene)
+        self.sampler.place(scene)
         self._start_clock()
 
     def body(self, name: str) -> Any:
@@ -177,6 +172,8 @@ class Simulation:
     def _resolve(self, now, spacing, time_step, damping, touching):
         if ti.static(self.pieces_touch):
             self.fragments.kick(now, time_step, damping, touching)
+        for n in ti.static(range(len(self.bodies))):
+            self.bodies[n].act_first(now, time_step, damping)
         for n in ti.static(range(len(self.bodies))):
             self.bodies[n].begin()
         for n in ti.static(range(len(self.bodies))):
@@ -291,7 +288,7 @@ class Simulation:
             TooManyNodes: more nodes came near a body than its list holds.
         """
         step, at = self.step_number, self.time
-        self.sampler.record()
+        self.sampler.record(self.now)
         self._step(measure=True)
         self.energies.potential(1 - self.now)
         total, readings = self.sampler.collected()
@@ -407,7 +404,7 @@ class Simulation:
             body.set_nodes(nodes)
         if self.pieces_touch:
             self.fragments.restore_state(pieces)
-        self.sampler.record()
+        self.sampler.record(self.now)
         self.energies.potential(self.now)
         _, readings = self.sampler.collected()
         for body, reading in zip(self.bodies, readings, strict=True):

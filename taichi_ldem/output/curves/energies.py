@@ -62,19 +62,30 @@ def energy(run: LoadedRun) -> tuple[Panel, ...]:
 
 
 def _given(run: LoadedRun) -> Iterator[Curve]:
-    """The energy that the plate had or was given: by the striker, gravity or the grips."""
+    """The energy that the plate had or was given: by the striker, gravity, grips or loads."""
     history, given = run.history, {}
-    if any(run.scene.plate.velocity or ()):
-        given["plate at the start"] = np.full(run.rows, history["kinetic_plate_j"][0])
+    if any(run.scene.plate.velocity or ()) or run.scene.start is not None:
+        held = history["kinetic_plate_j"][0] + history["strain_j"][0]
+        given["plate at the start"] = np.full(run.rows, held)
     if "kinetic_striker_j" in history:
         kinetic = history["kinetic_striker_j"]
         given["given up by the striker"] = kinetic[0] - kinetic
     if "external_j" in history:
-        by = "grips" if run.scene.grips is not None else "gravity"
-        given[f"work of {by}"] = history["external_j"]
+        given[f"work of {_worker(run)}"] = history["external_j"]
     if given:
         total = np.sum(list(given.values()), axis=0)
         yield Curve(run.time_ms, total, " + ".join(given), GREY, dash="dash")
+
+
+def _worker(run: LoadedRun) -> str:
+    """What does the work from outside."""
+    scene = run.scene
+    by = {
+        "grips": scene.grips is not None,
+        "loads": bool(scene.loads),
+        "gravity": scene.plate.falls or bool(scene.striker and scene.striker.gravity),
+    }
+    return " and ".join(name for name, works in by.items() if works)
 
 
 def _received(run: LoadedRun) -> Iterator[Curve]:

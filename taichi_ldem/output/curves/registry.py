@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from taichi_ldem.output.curves import energies, forces, fragments, tension
+from taichi_ldem.output.curves import energies, forces, fragments, loads, tension
 from taichi_ldem.output.curves.chart import Panel
 from taichi_ldem.output.loaded import LoadedRun
 
@@ -33,6 +33,10 @@ class Figure:
 
 def _has(column: str) -> Callable[[LoadedRun], bool]:
     return lambda run: run.has(column)
+
+
+def _has_loads(run: LoadedRun) -> bool:
+    return bool(run.scene.loads)
 
 
 def _has_section(run: LoadedRun) -> bool:
@@ -61,6 +65,7 @@ def _has_growth(run: LoadedRun) -> bool:
 
 FIGURES: dict[str, Figure] = {
     "force": Figure("Striker force", _has("striker_force_n"), panels=forces.force),
+    "loads": Figure("Forces of the loads", _has_loads, panels=loads.loads),
     "floor_force": Figure("Floor force", _has("floor_force_n"), panels=forces.floor_force),
     "force_displacement": Figure(
         "Force over displacement", _has("support_force_n"), panels=forces.force_displacement

@@ -10,6 +10,7 @@ from taichi_ldem.solver.contact.declaration import Body, Observable
 from taichi_ldem.solver.contact.floor import FLOOR
 from taichi_ldem.solver.contact.fragments import FRAGMENTS
 from taichi_ldem.solver.contact.grips import GRIPS
+from taichi_ldem.solver.contact.loads import LOADS
 from taichi_ldem.solver.contact.rings import RINGS
 from taichi_ldem.solver.contact.striker import STRIKER
 from taichi_ldem.solver.contact.supports import SUPPORTS
@@ -26,7 +27,7 @@ __all__ = [
     "observables",
 ]
 
-BODIES: tuple[Body, ...] = (STRIKER, RINGS, GRIPS, SUPPORTS, FLOOR)
+BODIES: tuple[Body, ...] = (STRIKER, RINGS, GRIPS, SUPPORTS, FLOOR, LOADS)
 """All bodies, in the order of their columns in the history and of their impulses in a checkpoint.
 A new one comes last: checkpoints that were written before have a zero in its place."""
 
@@ -47,9 +48,9 @@ def bodies_of(scene: Scene) -> list[Body]:
 def in_order_of_resolving() -> list[Body]:
     """All bodies in the order in which a step resolves them and a sample adds them up.
 
-    A body that holds the plate comes before those that move it.
+    A body that holds the plate comes before those that move it, and loads come last.
     """
-    return sorted(BODIES, key=lambda body: not body.holds)
+    return sorted(BODIES, key=lambda body: (body.follows, not body.holds))
 
 
 def observables(*, energy: bool) -> list[Observable]:

@@ -37,6 +37,7 @@ class Body:
         absent: how ``ldem info`` names the contact that a scene without the body leaves out.
         observables: in the order of the history's columns and of ``RigidBody.observe``.
         holds: whether the body holds the plate; such bodies are resolved first.
+        follows: whether it is resolved last, when the velocities of nodes are known.
         dissipates: whether the body's contact may take energy, the history's ``contact_j``.
         force: column of the force that a run's progress shows, if the body has one.
     """
@@ -45,12 +46,17 @@ class Body:
     absent: ClassVar[str]
     observables: ClassVar[tuple[Observable, ...]] = ()
     holds: ClassVar[bool] = False
+    follows: ClassVar[bool] = False
     dissipates: ClassVar[bool] = True
     force: ClassVar[str | None] = None
 
     def table(self, scene: Scene) -> Any:
         """The scene's table of the body; None where the scene has no such body."""
         raise NotImplementedError
+
+    def observables_in(self, scene: Scene) -> tuple[Observable, ...]:
+        """The observables in a scene."""
+        return self.observables
 
     def without_friction(self, scene: Scene) -> str:
         """How ``ldem info`` names the friction that a body of the scene could have; or nothing."""
@@ -76,6 +82,7 @@ class Body:
             return None
         body = self.kernels()(dynamics, scene, time_step)  # type: ignore[call-arg, arg-type]
         body.name = self.name
+        body.columns = tuple(o.column for o in self.observables_in(scene))
         return body
 
     def warnings(self, scene: Scene, history: list[dict[str, Any]]) -> list[str]:

@@ -81,6 +81,6 @@ def test_a_scene_of_everything_compiles_the_number_of_kernels_that_is_printed(
 
     # the kernels are counted, not run: the estimate of the critical step would compile some
     monkeypatch.setattr(stability, "critical_time_step", lambda dynamics: 1e-8)
-    monkeypatch.setattr(Simulation, "_set_off", lambda simulation: None)
+    monkeypatch.setattr("taichi_ldem.solver.simulation.set_off", lambda simulation: None)
     simulation = Simulation(everything(block_scene(12, 12, 2, material=DAMAGE)))
     assert len(kernels(simulation)) == KERNELS_OF_EVERYTHING

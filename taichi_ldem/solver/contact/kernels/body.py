@@ -135,6 +135,9 @@ class RigidBody(NearbyNodes):
     state: Any = None
     """The field of the body's own motion, if it has any."""
 
+    columns: tuple[str, ...] = ()
+    """Names of what ``observe`` returns."""
+
     shared = False
     """Whether the scene has other bodies that may press nodes against this one."""
 
@@ -307,8 +310,18 @@ class RigidBody(NearbyNodes):
         """
         s, k, j, i = self.site_of(number)
         old = ti.cast(self.dynamics.node_displacement(now, s, k, j, i), ti.f64)
-        free = ti.cast(self.dynamics.node_velocity(s, k, j, i), ti.f64)
         velocity = (displacement - old) / ti.cast(time_step, ti.f64)
+        return self.change(number, now, time_step, damping, displacement, velocity)
+
+    @ti.func
+    def change(self, number, now, time_step, damping, displacement, velocity):
+        """Give a listed node a displacement (m) and a velocity (m/s) at the end of the step, f64.
+
+        Returns:
+            as ``put``.
+        """
+        s, k, j, i = self.site_of(number)
+        free = ti.cast(self.dynamics.node_velocity(s, k, j, i), ti.f64)
         impulse = self.inertia(s, k, j, i, time_step, damping) * (velocity - free)
         self.dynamics.put_node(
             1 - now, s, k, j, i, ti.cast(displacement, float), ti.cast(velocity, float)
@@ -442,6 +455,10 @@ class RigidBody(NearbyNodes):
 
     # -- the body's motion
     # -------------------------------------------------------------------------------------
+
+    @ti.func
+    def act_first(self, now, time_step, damping):
+        """Change the free flight of nodes before any body is resolved; a load's own."""
 
     @ti.func
     def resolve(self, now, spacing, time_step, damping):
