@@ -3,10 +3,10 @@
     python -m studies.clamp_edge configs/modes.toml [--modules 3 4 6] [--edges 0 0.5]
         [--refine 2 3] [--set KEY=VALUE ...]
 
-A clamp between circles holds nodes of a square lattice, so its edge is a staircase. With ``clamp.edge
-= "node"`` it holds the nodes between the circles; with "unbiased", those up to half a module outside
-them, too. ``--edges`` gives this distance in modules: 0 and 0.5 are these two. The reference is that
-of finite elements with the exact circle, on two meshes.
+A clamp between circles holds nodes of a square lattice, so its edge is a staircase. With
+``clamp.edge = "node"`` it holds the nodes between the circles; with "unbiased", those up to half a
+module outside them, too. ``--edges`` gives this distance in modules: 0 and 0.5 are these two. The
+reference is that of finite elements with the exact circle, on two meshes.
 """
 
 import time
