@@ -131,6 +131,7 @@ NUMBERS: dict[str, Number] = {
     "damping_j": Number("lost by damping", "J"),
     "pieces_elastic_j": Number("energy stored where pieces touch", "J"),
     "pieces_friction_j": Number("lost by friction of pieces", "J"),
+    "notch_j": Number("taken by notches that opened", "J"),
     "external_j": Number("work of gravity, grips or loads", "J"),
     "energy_error": Number("energy error, of the initial energy", "%", 100.0),
     "energy_error_of_plate": Number("energy error, of what the plate was given", "%", 100.0),

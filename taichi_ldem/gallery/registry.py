@@ -12,8 +12,16 @@ from taichi_ldem.errors import SceneError
 from taichi_ldem.gallery.problem import Problem
 
 NAMES: tuple[str, ...] = (
+    "clamped-plate",
+    "free-beam",
+    "spall",
     "strip",
+    "prestrained-strip",
+    "branching",
+    "kalthoff-winkler",
+    "brazilian-disc",
     "bending",
+    "ring",
     "radial-cracks",
 )
 """Names of the problems; the file of ``a-b`` is ``problems/a_b.py``."""

@@ -18,7 +18,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from taichi_ldem.model import flaws
 from taichi_ldem.model.cell import MODULE, MODULES, UnitCell
+from taichi_ldem.model.flaws import turned
 
 _WHOLE = (slice(None), slice(None), slice(None))
 _FREE = np.stack(
@@ -189,7 +191,7 @@ class Lattice:
         Args:
             axis: 0, 1, 2 for a plane normal to x, y, z.
             position: of the plane along the axis, m. A plane through nodes is taken to lie just
-                beyond them (``beyond``), so that it separates two node planes.
+                beyond them (``flaws.beyond``), so that it separates two node planes.
             lower, upper: corners of the rectangle along the two other axes, in the order x, y, z,
             m.
             angle: of the specimen's axes, in which the rectangle is given, to the lattice's, about
@@ -198,28 +200,28 @@ class Lattice:
         Returns:
             (nz + 3, ny + 3, nx + 3) one bit a bar.
         """
-        others = [a for a in range(3) if a != axis]
-        ends = np.array([lower, upper], dtype=float)
-        corners = np.full((4, 3), float(position))
-        corners[:, others] = [(a, b) for a in ends[:, 0] for b in ends[:, 1]]
-        near = self._sites_near(turned(corners, -angle) if angle else corners)
+        return self.bars_through(flaws.rectangle(axis, position, lower, upper), angle)
+
+    def bars_through(self, flaw: flaws.Flaw, angle: float = 0.0) -> npt.NDArray[np.uint16]:
+        """Bars that cross a flaw; arguments and result otherwise as for ``bars_crossing``."""
+        near = self._sites_near(turned(flaw.corners, -angle) if angle else flaw.corners)
         first, vectors = self.grid(near), self.cell.vectors * self.spacing
         if angle:
             first, vectors = turned(first, angle), turned(vectors, angle)
-        middle = 0.5 * self.modules[2] * self.spacing if axis == 2 else 0.0
-        plane = beyond(position, middle, self.spacing)
+        middle = (0.0, 0.0, 0.5 * self.modules[2] * self.spacing)
+        plane = flaw.plane(middle, self.spacing)
         cut = np.zeros(self.sites, dtype=np.uint16)
         existing = self.bar_exists(near)
+        height = first @ flaw.normal
         for bar, vector in enumerate(vectors):
-            if abs(vector[axis]) < 1e-9 * self.spacing:
+            rise = float(vector @ flaw.normal)
+            if abs(rise) < 1e-9 * self.spacing:
                 continue
-            start = first[self.cell.ends[bar][0][0]]
-            along = (plane - start[..., axis]) / vector[axis]
+            sublattice = self.cell.ends[bar][0][0]
+            along = (plane - height[sublattice]) / rise
             hit = existing[..., bar] & (along >= 0) & (along < 1)
-            for other, low, high in zip(others, lower, upper, strict=True):
-                place = start[..., other] + along * vector[other]
-                tolerance = 1e-6 * self.spacing
-                hit &= (place >= low - tolerance) & (place <= high + tolerance)
+            places = first[sublattice] + along[..., None] * vector
+            hit &= flaw.holds(places, flaws.NUDGE * self.spacing)
             cut[near] |= hit.astype(np.uint16) << bar
         return cut
 
@@ -236,25 +238,6 @@ class Lattice:
             for a, b in zip(np.clip(low, 0, count), np.clip(high, 0, count), strict=True)
         )
         return z, y, x
-
-
-def beyond(position: float, middle: float, spacing: float) -> float:
-    """The place of a plane that does not go through nodes, m: a little further from the middle.
-
-    So planes that are mirror images of each other stay that. One in the middle itself has to lie on
-    one side of the nodes there, and lies above them.
-    """
-    side = -1.0 if position < middle - 1e-6 * spacing else 1.0
-    return position + side * 1e-6 * spacing
-
-
-def turned(places: npt.NDArray[np.float64], angle: float) -> npt.NDArray[np.float64]:
-    """Coordinates (..., 3) along axes that are turned about z by an angle (radians) to those given.
-
-    A specimen's coordinates come from the lattice's, and the other way round with minus the angle.
-    """
-    cosine, sine = math.cos(angle), math.sin(angle)
-    return np.asarray(places @ [[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
 
 def prism(nx: int, ny: int, nz: int) -> npt.NDArray[np.bool_]:

@@ -50,9 +50,9 @@ def ligament_area(scene: Scene, notch: Notch, lattice: Lattice) -> float:
     A flat crack through the rest of the section dissipates G_f times this area.
     """
     everywhere = (-math.inf, -math.inf), (math.inf, math.inf)
-    crossing = lattice.bars_crossing(notch.axes[0], notch.position, *everywhere)
+    crossing = lattice.bars_crossing(notch.axes[0], notch.place, *everywhere)
     (a, b), (c, d) = notch.bounds
-    removed = lattice.bars_crossing(notch.axes[0], notch.position, (a, c), (b, d))
+    removed = lattice.bars_crossing(notch.axes[0], notch.place, (a, c), (b, d))
     weights, cell = lattice.bar_shares(), lattice.cell
     bars = mat.bars_of(scene)
     left = crossing & ~removed
@@ -75,7 +75,7 @@ def beside_plane(notch: Notch, lattice: Lattice) -> npt.NDArray[np.bool_]:
         place[first] + 0.5 * lattice.spacing * vector[axis]
         for ((first, _), _), vector in zip(lattice.cell.ends, lattice.cell.vectors, strict=True)
     ]
-    return np.asarray(np.abs(np.stack(middles) - notch.position) > 0.51 * lattice.spacing)
+    return np.asarray(np.abs(np.stack(middles) - notch.place) > 0.51 * lattice.spacing)
 
 
 def peak_index(history: History, onset: float | None) -> int:

@@ -84,7 +84,8 @@ def fragments_of(folder: RunFolder, time_s: float) -> Labels:
     lattice = build_lattice(scene)
     before = bars.time_s <= time_s
     failed = lattice.failed_bits(bars.position_m[before], bars.bar[before])
-    return of_modules(lattice, labels_of(lattice, failed | notch_bars(scene, lattice)))
+    cut = notch_bars(scene, lattice, time_s)
+    return of_modules(lattice, labels_of(lattice, failed | cut))
 
 
 def _columns(pieces: Pieces) -> dict[str, npt.NDArray[Any]]:

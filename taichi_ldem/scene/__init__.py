@@ -18,7 +18,7 @@ from taichi_ldem.scene.scene import (
     parse_scene_text,
     scene_to_toml,
 )
-from taichi_ldem.scene.specimen import Notch, Plate
+from taichi_ldem.scene.specimen import Hole, Notch, Plate
 from taichi_ldem.scene.tables import (
     DISORDERED,
     LARGEST_CV,
@@ -43,6 +43,7 @@ __all__ = [
     "Disorder",
     "Floor",
     "Grips",
+    "Hole",
     "Load",
     "Material",
     "Modes",

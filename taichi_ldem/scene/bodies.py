@@ -60,6 +60,12 @@ class Clamp(Table):
         description="coefficient of Coulomb friction between rings and plate, for 'rings'; without"
         " it the plate does not slip",
     )
+    edge: Literal["node", "unbiased"] = Field(
+        default="node",
+        description="which nodes belong to the clamp: 'node', those between the circles, so that"
+        " the clamp begins half a module late on average; 'unbiased', those up to half a module"
+        " outside the circles, too",
+    )
 
     @model_validator(mode="after")
     def _check(self) -> "Clamp":

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from taichi_ldem.errors import SceneError
+from taichi_ldem.scene import flaws
 from taichi_ldem.scene.equations import FAMILY_NAMES, QUARTER, Bars, bar_families
 from taichi_ldem.scene.load_rules import check_loads, check_probes, check_start
 from taichi_ldem.scene.values import refuse
@@ -20,7 +21,6 @@ from taichi_ldem.scene.weibull import strength_by_volume
 
 if TYPE_CHECKING:
     from taichi_ldem.scene.scene import Scene
-    from taichi_ldem.scene.specimen import Notch
 
 MAX_SAMPLES = 10**7
 MAX_FRAMES = 10**4
@@ -195,6 +195,7 @@ def _check_free_prism(scene: Scene) -> None:
         ("notch", scene.notch),
         ("load", scene.loads),
         ("start", scene.start),
+        ("hole", scene.hole),
     ):
         if present:
             raise ValueError(
@@ -328,29 +329,6 @@ def _check_disorder(scene: Scene) -> None:
         raise refuse("disorder.correlation_length", length, why)
 
 
-def _check_notches(scene: Scene) -> None:
-    for number, notch in enumerate(scene.notch):
-        _check_notch(scene, f"notch[{number}]", notch)
-
-
-def _check_notch(scene: Scene, key: str, notch: Notch) -> None:
-    x, y, z = scene.plate.size
-    limits = ((-x / 2, x / 2), (-y / 2, y / 2), (0.0, z))
-    normal, *axes = notch.axes
-    lower, upper = limits[normal]
-    if not lower < notch.position < upper:
-        why = f"must lie inside the plate, between {lower!r} and {upper!r}"
-        raise refuse(f"{key}.position", notch.position, why)
-    for axis, (start, stop) in zip(axes, notch.bounds, strict=True):
-        lower, upper = limits[axis]
-        if not start < stop:
-            why = f"must differ from {key}.from along {'xyz'[axis]}"
-            raise refuse(f"{key}.to", notch.to, why)
-        if stop <= lower or start >= upper:
-            why = f"must cut the plate, which has {'xyz'[axis]} between {lower!r} and {upper!r}"
-            raise refuse(f"{key}.to", notch.to, why)
-
-
 # --- rigid bodies ---------------------------------------------------------------------------------
 
 
@@ -455,7 +433,8 @@ CHECKS: tuple[Callable[[Scene], None], ...] = (
     _check_contact,
     _check_output,
     _check_vulkan,
-    _check_notches,
+    flaws.check_notches,
+    flaws.check_holes,
     check_loads,
     check_start,
     check_probes,

@@ -12,6 +12,7 @@ from taichi_ldem.errors import SceneError, SceneNote
 from taichi_ldem.reading import parse_toml
 from taichi_ldem.scene.messages import nearest
 from taichi_ldem.scene.schema import fields_of, is_list, single_tables
+from taichi_ldem.scene.specimen import FILES
 from taichi_ldem.scene.tables import DISORDERED, Output
 from taichi_ldem.scene.values import show
 
@@ -20,6 +21,7 @@ MAX_FILE_BYTES = 1 << 20
 EXCLUSIVE: dict[tuple[str, ...], str] = {
     ("material", "failure_strain"): "failure_factor",
     ("material", "failure_factor"): "failure_strain",
+    **{("plate", key): "file_sha256" for key in FILES},
     **{("disorder", f"{name}_cv"): f"{name}_data" for name in DISORDERED},
     **{("disorder", f"{name}_data"): f"{name}_cv" for name in DISORDERED},
 }
@@ -44,7 +46,7 @@ class Override(NamedTuple):
 
 
 def read_file(path: Path) -> dict[str, Any]:
-    """The tables of a TOML file.
+    """The tables of a TOML file; names of files in it are taken from the folder that it is in.
 
     Raises:
         SceneError: it cannot be read, is too large or is not TOML.
@@ -61,7 +63,16 @@ def read_file(path: Path) -> dict[str, Any]:
         raise SceneError(f"{path}: cannot be read: {reason}") from None
     if len(content) > MAX_FILE_BYTES:
         raise SceneError(f"{path}: larger than {MAX_FILE_BYTES >> 20} MiB, which no scene is")
-    return read_toml(content, path.name)
+    return _beside(read_toml(content, path.name), path.parent)
+
+
+def _beside(data: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The same tables, in which a file of the plate's shape has its whole path."""
+    plate = data.get("plate")
+    for key in FILES:
+        if isinstance(plate, dict) and isinstance(plate.get(key), str) and plate[key]:
+            plate[key] = str(folder.absolute() / plate[key])
+    return data
 
 
 def read_toml(content: bytes, name: str) -> dict[str, Any]:

@@ -11,13 +11,13 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from taichi_ldem.errors import SceneError
-from taichi_ldem.scene import checks, load, messages
+from taichi_ldem.scene import checks, load, messages, shape_file
 from taichi_ldem.scene.bodies import Clamp, Contact, Floor, Grips, Striker, Supports
 from taichi_ldem.scene.load_rules import LISTED, with_names
 from taichi_ldem.scene.load_tables import with_tables
 from taichi_ldem.scene.loads import Load, Probe, Start
 from taichi_ldem.scene.schema import tables_of
-from taichi_ldem.scene.specimen import Notch, Plate
+from taichi_ldem.scene.specimen import Hole, Notch, Plate
 from taichi_ldem.scene.tables import (
     Disorder,
     Material,
@@ -60,6 +60,7 @@ class Scene(Table, metaclass=_OneLine):
     solver: Solver
     output: Output = Output()
     notch: tuple[Notch, ...] = ()
+    hole: tuple[Hole, ...] = ()
     modes: Modes | None = None
 
     @classmethod
@@ -126,9 +127,11 @@ class Scene(Table, metaclass=_OneLine):
             self._resolve("output", field_interval=self.default_field_interval)
         if self.grips is not None and self.grips.gauge_length is None:
             self._resolve("grips", gauge_length=self.default_gauge_length)
+        if self.plate.file is not None and self.plate.file_sha256 is None:
+            self._resolve("plate", file_sha256=shape_file.digest(shape_file.content(self.plate)))
         return self
 
-    def _resolve(self, table: str, **values: float | None) -> None:
+    def _resolve(self, table: str, **values: float | str | None) -> None:
         """Put values into a table of the scene, which is frozen for everybody else."""
         object.__setattr__(self, table, getattr(self, table).model_copy(update=values))
 
@@ -211,7 +214,7 @@ def parse_scene_text(text: str, name: str) -> Scene:
 def scene_to_toml(scene: Scene) -> str:
     """The resolved scene, defaults included, as TOML that `load_scene` reads to an equal Scene."""
     data = scene.model_dump(by_alias=True, exclude_none=True)
-    for name in ("notch", *LISTED):
+    for name in ("notch", "hole", *LISTED):
         if not data[name]:
             del data[name]
     return load.write_toml(data)

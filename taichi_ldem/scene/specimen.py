@@ -1,19 +1,31 @@
-"""Tables of the specimen: the plate that is cut from the lattice, and its notches.
+"""Tables of the specimen: the plate that is cut from the lattice, its notches and its holes.
 
 Everything is in SI units. The plate is centred at x = y = 0, its bottom face is z = 0 and its top
 face z = H.
 """
 
 import math
+from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from taichi_ldem.scene.values import Axis, Flag, Positive, Real, Seed, Table, refuse
+from taichi_ldem.scene.values import (
+    Axis,
+    Flag,
+    NonNegative,
+    Positive,
+    Real,
+    Seed,
+    Table,
+    refuse,
+)
 
 MAX_MODULES = (1 << 31) // 14  # Taichi indexes with 32 bits, and a module has fourteen bars
 LARGEST_PERTURBATION = 0.25  # two nodes that come closer by half an edge leave 0.42 of a diagonal
 LARGEST_SIDE = 10.0  # m; more is taken for millimetres
+FILES = {"mask": (".png", ".npy"), "stl": (".stl",)}
+"""Endings of the files that describe a shape."""
 
 
 class Plate(Table):
@@ -25,8 +37,25 @@ class Plate(Table):
     modules_through_thickness: Annotated[int, Field(strict=True, ge=1, le=10_000)] = Field(
         description="number of cubic modules along z; their edge L is size[2] over this number"
     )
-    shape: Literal["rectangle", "disc", "dumbbell"] = Field(
-        default="rectangle", description="outline in the plane; a dumb-bell lies along x"
+    shape: Literal["rectangle", "disc", "dumbbell", "mask", "stl"] = Field(
+        default="rectangle",
+        description="outline in the plane; a dumb-bell lies along x. 'mask': the shape of an image"
+        " or an array; 'stl': a body of triangles",
+    )
+    mask: str | None = Field(
+        default=None,
+        description="file of the shape, beside the scene's file: an image (.png) whose dark pixels"
+        " are the body, or an array [y, x] or [z, y, x] (.npy) that is not 0 there; it is stretched"
+        " to the sides of the plate",
+    )
+    stl: str | None = Field(
+        default=None,
+        description="file of a closed body (.stl), beside the scene's file, in any unit: the box"
+        " around it becomes the plate's. Needs `pip install taichi_ldem[stl]`",
+    )
+    file_sha256: str | None = Field(
+        default=None,
+        description="SHA-256 of this file, which a run's scene.toml records; another is refused",
     )
     diameter: Positive | None = Field(
         default=None,
@@ -114,7 +143,7 @@ class Plate(Table):
 
     @property
     def is_prism(self) -> bool:
-        """Whether the specimen is the whole prism of modules."""
+        """Whether the specimen is the whole prism of modules, but for holes."""
         return self.shape == "rectangle" and not self.angle
 
     @property
@@ -142,7 +171,22 @@ class Plate(Table):
                 raise refuse(f"plate.size[{number}]", side, why)
         self._check_disc()
         self._check_dumbbell()
+        self._check_file()
         return self
+
+    def _check_file(self) -> None:
+        for shape, endings in FILES.items():
+            file = getattr(self, shape)
+            if self.shape != shape:
+                if file is not None:
+                    raise refuse(f"plate.{shape}", file, f'is for plate.shape = "{shape}" only')
+            elif file is None:
+                raise refuse("plate.shape", shape, f"needs plate.{shape}, the name of a file")
+            elif not file.lower().endswith(endings):
+                raise refuse(f"plate.{shape}", file, f"must end in {' or '.join(endings)}")
+        if self.file_sha256 is not None and self.shape not in FILES:
+            why = 'is for plate.shape = "mask" or "stl" only'
+            raise refuse("plate.file_sha256", self.file_sha256, why)
 
     def _check_dumbbell(self) -> None:
         keys = ("narrow_width", "narrow_length", "fillet_radius")
@@ -186,6 +230,12 @@ class Plate(Table):
             raise refuse("plate.diameter", self.diameter, why)
 
     @property
+    def file(self) -> Path | None:
+        """The file of the specimen's shape; None where it has none."""
+        name = self.mask if self.mask is not None else self.stl
+        return None if name is None else Path(name)
+
+    @property
     def width(self) -> float:
         """The smaller in-plane side of the prism, m."""
         return min(self.size[:2])
@@ -197,33 +247,94 @@ class Plate(Table):
         return abs(x) <= self.size[0] / 2 and abs(y) <= self.size[1] / 2
 
 
-class Notch(Table):
-    """A plane of cut bars: a rectangle normal to an axis. Its bars are removed, not broken.
+Point = tuple[Real, Real, Real]
 
-    A scene with one notch takes `--set notch.position=...` and the like.
+
+class Notch(Table):
+    """A flat flaw of cut bars, from the start or from a time on. They are removed, not broken.
+
+    A bar is cut where the line between its nodes at rest crosses the flaw. The flaw is one of
+    these: a rectangle normal to an axis (`normal`, `position`, `from`, `to`); a parallelogram
+    through three corners (`points`); a disc (`centre`, `diameter`, `direction`). A flaw through
+    nodes lies just beyond them, away from the middle of the plate, so that mirrored flaws are
+    mirrored; through the middle itself it lies on the side of larger coordinates. A scene with one
+    notch takes `--set notch.position=...` and the like.
     """
 
-    normal: Axis = Field(description="axis to which the plane of the notch is normal")
-    position: Real = Field(
-        description="position of the plane along its normal, m. A plane through nodes lies just"
-        " beyond them, away from the middle of the plate, so that mirrored notches are mirrored;"
-        " in the middle itself it lies on the side of larger coordinates"
+    normal: Axis | None = Field(
+        default=None, description="axis to which the rectangle is normal; for a rectangle"
     )
-    from_: tuple[Real, Real] = Field(  # `from` is a keyword
+    position: Real | None = Field(
+        default=None, description="position of the rectangle along its normal, m"
+    )
+    from_: tuple[Real, Real] | None = Field(  # `from` is a keyword
+        default=None,
         alias="from",
         description="corner of the rectangle: its other two coordinates in the order x, y, z, m",
     )
-    to: tuple[Real, Real] = Field(description="opposite corner of the rectangle, m")
+    to: tuple[Real, Real] | None = Field(
+        default=None, description="opposite corner of the rectangle, m"
+    )
+    points: tuple[Point, Point, Point] | None = Field(
+        default=None,
+        description="three corners p0, p1, p2 of a parallelogram, the fourth of which is"
+        " p1 + p2 - p0, m",
+    )
+    centre: Point | None = Field(default=None, description="middle of a disc-shaped flaw, m")
+    diameter: Positive | None = Field(default=None, description="diameter of a disc-shaped flaw, m")
+    direction: Point | None = Field(
+        default=None, description="normal of a disc-shaped flaw, of any length"
+    )
+    time: NonNegative | None = Field(
+        default=None,
+        description="time at which the notch opens, s; without it, it is there from the start",
+    )
+
+    @property
+    def opens_at(self) -> float:
+        """Time at which the notch opens, s."""
+        return self.time or 0.0
+
+    @property
+    def place(self) -> float:
+        """Position of a rectangle along its normal, m."""
+        assert self.position is not None
+        return self.position
 
     @property
     def axes(self) -> tuple[int, int, int]:
-        """Numbers of the axes (0 = x): the normal, then the two of `from_` and `to`."""
+        """Numbers of a rectangle's axes (0 = x): the normal, then the two of `from_` and `to`."""
+        assert self.normal is not None
         normal = "xyz".index(self.normal)
         first, second = (axis for axis in range(3) if axis != normal)
         return normal, first, second
 
     @property
     def bounds(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Sorted (lower, upper) limits of the rectangle along its two axes, m."""
+        """Sorted (lower, upper) limits of a rectangle along its two axes, m."""
+        assert self.from_ is not None
+        assert self.to is not None
         (a, b), (c, d) = zip(self.from_, self.to, strict=True)
         return (min(a, b), max(a, b)), (min(c, d), max(c, d))
+
+
+class Hole(Table):
+    """A hole through the whole thickness: the modules whose centre lies within it are cut out.
+
+    circle: of a diameter; rectangle: of a size; slot: of a size, whose ends are half circles.
+    """
+
+    shape: Literal["circle", "rectangle", "slot"] = Field(description="outline of the hole")
+    centre: tuple[Real, Real] = Field(
+        default=(0.0, 0.0), description="middle of the hole, x and y from the plate's centre, m"
+    )
+    diameter: Positive | None = Field(default=None, description="diameter of a circle, m")
+    size: tuple[Positive, Positive] | None = Field(
+        default=None,
+        description="length and width of a rectangle or a slot, m; a slot's length includes its"
+        " round ends",
+    )
+    angle: Annotated[int | float, Field(ge=-180, le=180)] = Field(
+        default=0,
+        description="angle from the plate's x to the length of a rectangle or a slot, degrees",
+    )

@@ -1,17 +1,20 @@
 """Builds the lattice of a scene with its material, or fills a built one again."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import fields, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from taichi_ldem.errors import SceneError
-from taichi_ldem.model import disorder
+from taichi_ldem.model import disorder, outlines
 from taichi_ldem.model.cell import CELLS
-from taichi_ldem.model.lattice import Lattice, cut_out, disc, dumbbell_half_width, prism
+from taichi_ldem.model.flaws import flaw_of
+from taichi_ldem.model.lattice import Lattice
 from taichi_ldem.model.material import check, volumetric_modulus
-from taichi_ldem.scene import Plate, Scene
+from taichi_ldem.scene import Scene
+from taichi_ldem.scene.values import show
 from taichi_ldem.solver.dynamics import Dynamics, Features
 
 Drawn = dict[str, tuple[float, float]]
@@ -19,48 +22,43 @@ Drawn = dict[str, tuple[float, float]]
 
 
 def build_lattice(scene: Scene) -> Lattice:
-    """The lattice of a scene's plate."""
-    plate = scene.plate
-    mask = prism(*plate.modules)
-    if plate.diameter is not None:
-        mask = disc(*plate.modules, plate.diameter / plate.spacing)
-    elif not plate.is_prism:
-        mask = specimen_mask(plate)
+    """The lattice of a scene's plate.
+
+    Raises:
+        SceneError: a hole that cuts out no module or all, or a file that describes no body.
+    """
+    plate, mask = scene.plate, outlines.body(scene)
     seed = plate.perturbation_seed
     cell = CELLS[plate.lattice]
     return Lattice(mask, plate.spacing, plate.surface_weights, plate.perturbation, seed, cell)
 
 
-def specimen_mask(plate: Plate) -> npt.NDArray[np.bool_]:
-    """(nz, ny, nx) mask of a dumb-bell, or of a prism that is cut at an angle to the lattice."""
-    edge = plate.spacing
-    length, width = (side / edge for side in plate.size[:2])
-
-    def half_width(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        if plate.narrow_width and plate.narrow_length and plate.fillet_radius:
-            narrow = (plate.narrow_width, plate.narrow_length, plate.fillet_radius)
-            return dumbbell_half_width(x, width, *(value / edge for value in narrow))
-        return np.full_like(x, width / 2)
-
-    return cut_out(*plate.modules, length, half_width, math.radians(plate.angle))
-
-
-def notch_bars(scene: Scene, lattice: Lattice) -> npt.NDArray[np.uint16]:
-    """Bars that the scene's notches remove, one bit a bar.
+def notch_bars(scene: Scene, lattice: Lattice, time: float = 0.0) -> npt.NDArray[np.uint16]:
+    """Bars that the scene's notches have removed at a time (s), one bit a bar.
 
     Raises:
         SceneError: a notch that cuts no bar.
     """
     removed = np.zeros(lattice.sites, dtype=np.uint16)
-    for number, notch in enumerate(scene.notch):
-        (a, b), (c, d) = notch.bounds
-        cut = lattice.bars_crossing(
-            notch.axes[0], notch.position, (a, c), (b, d), math.radians(scene.plate.angle)
-        )
-        if not cut.any():
-            raise SceneError(f"notch[{number}].position = {notch.position}: the plane cuts no bar")
-        removed |= cut
+    for notch, cut in zip(scene.notch, notch_cuts(scene, lattice), strict=True):
+        if notch.opens_at <= time:
+            removed |= cut
     return removed
+
+
+def notch_cuts(scene: Scene, lattice: Lattice) -> Iterator[npt.NDArray[np.uint16]]:
+    """Bars that each of the scene's notches removes, one bit a bar.
+
+    Raises:
+        SceneError: a notch that cuts no bar.
+    """
+    for number, notch in enumerate(scene.notch):
+        cut = lattice.bars_through(flaw_of(notch), math.radians(scene.plate.angle))
+        if not cut.any():
+            forms = ((key, getattr(notch, key)) for key in ("position", "points", "centre"))
+            key, place = next(form for form in forms if form[1] is not None)
+            raise SceneError(f"notch[{number}].{key} = {show(place)}: the flaw cuts no bar")
+        yield cut
 
 
 def _fill(dynamics: Dynamics, scene: Scene, drawn: disorder.Drawn) -> Drawn:

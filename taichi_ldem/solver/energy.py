@@ -33,6 +33,7 @@ class Ledger:
         fracture, damping, contact: energies dissipated since the start.
         external: work that was done from outside since the start.
         touching: energy stored where pieces of the plate touch.
+        opened: energy that notches took when they opened.
     """
 
     kinetic_plate: float = 0.0
@@ -43,6 +44,7 @@ class Ledger:
     contact: float = 0.0
     external: float = 0.0
     touching: float = 0.0
+    opened: float = 0.0
 
     @property
     def stored(self) -> float:
@@ -55,13 +57,14 @@ class Ledger:
             + self.damping
             + self.contact
             + self.touching
+            + self.opened
         )
 
     @property
     def held_by_plate(self) -> float:
         """Energy of the plate: stored, dissipated and lost in contact, J."""
         own = self.kinetic_plate + self.strain + self.fracture + self.damping + self.touching
-        return own + abs(self.contact)
+        return own + abs(self.contact) + self.opened
 
     def imbalance(self, start: "Ledger") -> float:
         """Energy that was created (positive) or lost since ``start``, external work deducted, J."""

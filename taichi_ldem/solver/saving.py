@@ -30,7 +30,8 @@ OF_ANY_LENGTH = (
 """Fields whose arrays need not be as long as those of another time."""
 
 BEFORE_PIECES = 7
-"""Energies of a ledger in checkpoints that were made before pieces could touch."""
+"""Energies of a ledger in checkpoints that were made before pieces could touch; the terms that came
+later stand behind them, and are zero in a checkpoint without them."""
 
 Saved = Mapping[str, npt.NDArray]
 """Arrays by names ``part/field``."""
@@ -38,9 +39,12 @@ Saved = Mapping[str, npt.NDArray]
 
 def _parts(simulation: "Simulation") -> dict[str, Any]:
     """The parts that have a state of their own, by name."""
-    parts = {"dynamics": simulation.dynamics} | {body.name: body for body in simulation.bodies}
-    pieces = simulation.fragments
-    return parts if pieces is None else parts | {pieces.name: pieces}
+    parts: dict[str, Any] = {"dynamics": simulation.dynamics} | {
+        body.name: body for body in simulation.bodies
+    }
+    for part in (simulation.openings if simulation.openings.times else None, simulation.fragments):
+        parts |= {} if part is None else {part.name: part}
+    return parts
 
 
 def saved_state(simulation: "Simulation") -> dict[str, npt.NDArray]:
@@ -110,7 +114,8 @@ def _refuse_unfit(simulation: "Simulation", saved: Saved) -> None:
         same = values.shape[1:] == own.shape[1:] if free else values.shape == own.shape
         if not same or values.ndim != own.ndim or values.dtype != own.dtype:
             raise ValueError(f"'{name}' has another shape or type")
-    if len(saved["ledger/start"]) not in (0, BEFORE_PIECES, len(fields(Ledger))) or (
+    known = (0, *range(BEFORE_PIECES, len(fields(Ledger)) + 1))
+    if len(saved["ledger/start"]) not in known or (
         len(saved["ledger/last"]) != bool(len(saved["ledger/start"]))
     ):
         raise ValueError("'ledger' has another shape")

@@ -27,6 +27,7 @@ from taichi_ldem.solver.energy import (
     EnergySums,
     Ledger,
 )
+from taichi_ldem.solver.openings import Openings
 from taichi_ldem.solver.sampling import Sample, Sampler
 from taichi_ldem.solver.start import set_off
 from taichi_ldem.solver.step import StepNumbers
@@ -54,6 +55,7 @@ class Simulation:
         dynamics: the lattice's fields and kernels.
         bodies: the rigid bodies that the scene has, in the order in which a step resolves them.
         fragments: the contact of pieces of the plate; None where the scene has none.
+        openings: the notches that open during the run.
         drawn: mean and CV of the random factors on the material's properties, by property.
         sampler: reads the sums of plate and bodies.
         time_step, critical_time_step: s.
@@ -101,6 +103,7 @@ class Simulation:
         self.initial_ledger: Ledger | None = None
         self.last_sampled: float | None = None
         self.sampler.start()
+        self.openings = Openings(self.dynamics, self.energies, self.scene)
 
     def reset(self, scene: Scene, lattice: Lattice | None = None) -> None:
         """Start again at t = 0 with the numbers of another scene, without compiling anything.
@@ -235,6 +238,8 @@ class Simulation:
             self._contact(self.now, spacing, time_step, self.damping, touching)
 
     def _step(self, steps: int = 1, measure: bool = False) -> None:
+        if self.openings.open_due(self) and self.pieces_touch:
+            self.fragments.renew(self.step_number)
         if self.step_number % STEPS_BETWEEN_LISTS == 0:
             self._list_candidates()
         if self.pieces_touch and self.step_number >= self.fragments.next_listing:
@@ -250,8 +255,9 @@ class Simulation:
                 body.list_nodes(self.now, STEPS_BETWEEN_LISTS * self.time_step)
 
     def _until_listing(self) -> int:
-        """Steps that can be taken before nodes or pairs have to be listed."""
+        """Steps that can be taken before nodes or pairs have to be listed, or a notch opens."""
         until = STEPS_BETWEEN_LISTS - self.step_number % STEPS_BETWEEN_LISTS
+        until = min(until, max(1, self.openings.steps_until(self)))
         if self.pieces_touch:
             # a listing that is due lasts for one step at least
             until = min(until, max(1, self.fragments.next_listing - self.step_number))
@@ -304,6 +310,7 @@ class Simulation:
             sum(energies.contact for energies in own) + pieces.lost,
             sum((energies.external for energies in own), 0.0) + sum(total[WORK:].tolist()),
             float(pieces.elastic),
+            self.openings.energy,
         )
         if self.initial_ledger is None:
             self.initial_ledger = ledger

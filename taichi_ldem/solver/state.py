@@ -300,6 +300,23 @@ class State:
         self.removed.from_numpy(stored)
         self.touched.from_numpy(_lane_bits(stored != 0))
 
+    def remove(self, bars: npt.NDArray[np.uint16]) -> None:
+        """Remove bars in addition to those that are removed already, one bit each."""
+        stored = self.removed.to_numpy() | self.lanes.spread(bars)
+        self.removed.from_numpy(stored)
+        self.touched.from_numpy(_lane_bits(stored != 0) | self.touched.to_numpy())
+
+    def failed_bits(self) -> npt.NDArray[np.uint16]:
+        """A bit for each bar that has failed, reported or not: (nz + 3, ny + 3, nx + 3)."""
+        failed = np.zeros(self.sites, dtype=np.uint16)
+        if self.features.damage:
+            limits = self.softening.to_numpy()[:, 0]
+            for bar, field in enumerate(self.peak):
+                peak = self.lanes.gather(field.to_numpy())
+                gone = (peak >= limits[self.cell.family[bar]]) | (peak < 0)
+                failed |= gone.astype(np.uint16) << bar
+        return failed
+
     def set_peak(self, peak: npt.NDArray[np.float64]) -> None:
         """Age bars to peak strains over their eps_p: (nz + 3, ny + 3, nx + 3, bars)."""
         stored = self.lanes.spread(np.moveaxis(peak, -1, 0))

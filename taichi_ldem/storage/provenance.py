@@ -32,6 +32,8 @@ def canonical(scene: Scene) -> dict[str, Any]:
             flat |= {f"{name}.{key}": item for key, item in value.items()}
         else:
             flat[name] = value
+    if "plate.file_sha256" in flat:  # a file is known by its contents, wherever it lies
+        flat = {key: value for key, value in flat.items() if key not in ("plate.mask", "plate.stl")}
     return {key: _positive_zero(flat[key]) for key in sorted(flat)}
 
 

@@ -141,7 +141,7 @@ def statics(scene: Scene) -> dict[str, float]:
     lattice = Lattice(prism(*plate.modules), plate.spacing, plate.surface_weights, cell=cell)
     stiffness = tuple(family.axial_stiffness for family in mat.bars_of(scene))
     (a, b), (c, d) = notch.bounds
-    cut = lattice.bars_crossing(notch.axes[0], notch.position, (a, c), (b, d))
+    cut = lattice.bars_crossing(notch.axes[0], notch.place, (a, c), (b, d))
     none = np.zeros_like(cut)
     return {
         name: compliance.lattice_compliance(lattice, stiffness, removed, supports.span)

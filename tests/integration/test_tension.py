@@ -116,8 +116,8 @@ def test_the_gauge_reads_uniform_strains(gripped: "tuple[Simulation, Body, np.nd
 
 
 def test_a_gauge_across_the_lattice(taichi: None) -> None:
+    from taichi_ldem.model.outlines import specimen_mask
     from taichi_ldem.scene import Material, Plate
-    from taichi_ldem.solver.build import specimen_mask
     from taichi_ldem.solver.dynamics import Dynamics, Features
     from taichi_ldem.solver.gauge import Gauge
 

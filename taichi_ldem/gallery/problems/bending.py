@@ -40,7 +40,7 @@ def _cost(run: LoadedRun) -> float | None:
 def _crack(run: LoadedRun) -> Advance:
     """The crack upwards from the notch's tip."""
     notch = run.scene.notch[0]
-    bars = advance(run, tip=(notch.position, notch.bounds[1][1]), plane="xz", direction=(0.0, 1.0))
+    bars = advance(run, tip=(notch.place, notch.bounds[1][1]), plane="xz", direction=(0.0, 1.0))
     return bars.between(0.0, 0.6 * (run.scene.plate.size[2] - notch.bounds[1][1]))
 
 
@@ -75,7 +75,7 @@ def _draw(figure: Figure, runs: Runs) -> None:
     for name, run in runs.items():
         force.plot(run.time_ms, 1e3 * run.history["strain_j"], label=LABELS[name])
         crack = _crack(run)
-        place = run.scene.notch[0].position - crack.across
+        place = run.scene.notch[0].place - crack.across
         height = run.scene.notch[0].bounds[1][1] + crack.along
         path.plot(1e3 * place, 1e3 * height, ".", markersize=3)
     force.set(xlabel="time [ms]", ylabel="strain energy [mJ]")

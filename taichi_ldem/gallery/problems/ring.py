@@ -27,26 +27,35 @@ def _name(model: str, rate: float) -> str:
 
 def _perimeter(run: LoadedRun) -> float:
     scene = run.scene
-    return math.pi * 0.5 * (scene.plate.size[0] + scene.hole[0].diameter)
+    inner = scene.hole[0].diameter
+    assert inner is not None
+    return math.pi * 0.5 * (scene.plate.size[0] + inner)
+
+
+def _material(run: LoadedRun) -> tuple[float, float, float, float]:
+    """E (Pa), density (kg/m3), G_f (J/m2) and strength (Pa)."""
+    material = run.scene.material
+    assert material.fracture_energy is not None
+    assert material.failure_strain is not None
+    modulus = material.youngs_modulus
+    return modulus, material.density, material.fracture_energy, modulus * material.failure_strain
 
 
 def grady(run: LoadedRun, rate: float) -> float:
     """Number of pieces whose kinetic energy of expansion pays for their cracks (Grady 1982)."""
-    material = run.scene.material
-    size = (24 * material.fracture_energy / (material.density * rate**2)) ** (1 / 3)
-    return _perimeter(run) / size
+    _, density, energy, _ = _material(run)
+    size = (24 * energy / (density * rate**2)) ** (1 / 3)
+    return float(_perimeter(run) / size)
 
 
 def zhou(run: LoadedRun, rate: float) -> float:
     """Number of pieces by the fit to cohesive rings of Zhou, Molinari and Ramesh 2006."""
-    material = run.scene.material
-    modulus, energy = material.youngs_modulus, material.fracture_energy
-    strength = modulus * material.failure_strain
-    speed = math.sqrt(modulus / material.density)
+    modulus, density, energy, strength = _material(run)
+    speed = math.sqrt(modulus / density)
     scaled = rate / (speed * strength**3 / (modulus**2 * energy))
     length = modulus * energy / strength**2
     size = length * 4.5 / (1 + 0.77 * scaled**0.25 + 5.4 * scaled**0.75)
-    return _perimeter(run) / size
+    return float(_perimeter(run) / size)
 
 
 def pieces(run: LoadedRun) -> int:

@@ -29,7 +29,7 @@ def theory(run: LoadedRun) -> tuple[float, float]:
     time lies where the incident pulse has just passed, x = c (T - t), and is p sin(2 pi x / (c T)).
     It comes to the strength first at x = c T / (2 pi) asin(strength / p).
     """
-    scene, load = run.scene, run.scene.load[0]
+    scene, load = run.scene, run.scene.loads[0]
     material = scene.material
     speed = math.sqrt(material.youngs_modulus / material.density)
     assert load.duration is not None

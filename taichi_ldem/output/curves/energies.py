@@ -28,6 +28,7 @@ _STORED = (
     ("kinetic_plate_j", "kinetic, plate", ORANGE),
     ("contact_j", "lost in contact", GREEN),
     ("damping_j", "lost by damping", VIOLET),
+    ("notch_j", "taken by notches", BLUE),
     ("pieces_elastic_j", "stored where pieces touch", BLACK),
 )
 """Column, label and colour of the energies that the plate received."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_ldem.model.lattice import dumbbell_half_width
+from taichi_ldem.model.outlines import hole_outline
 from taichi_ldem.output.loaded import LoadedRun, Series
 from taichi_ldem.scene import Plate, Scene
 from taichi_ldem.storage.fields import read_broken_bars, read_fields, read_times
@@ -34,7 +35,7 @@ def draw_crack_map(figure: Figure, run: LoadedRun) -> None:
     place = _MM * bars.position_m[:, [0, across]] - (0.0, middle)
     modules = plate.modules[0], plate.modules[across]
     share = _broken_share(place, modules, (half_x, half_y)) / plate.modules[deep]
-    if not plate.is_prism:
+    if not plate.is_prism or (run.scene.hole and not run.is_beam):
         share[~_columns(run, modules, (half_x, half_y))] = np.nan
 
     axes = figure.add_subplot(xlabel="x [mm]", ylabel=f"{'xyz'[across]} [mm]", aspect="equal")
@@ -115,6 +116,9 @@ def draw_outlines(axes: Axes, scene: Scene, *, legend: bool = True) -> None:
         outline = Rectangle((-x / 2, -y / 2), x, y)
     outline.set(fill=False, edgecolor="black", linewidth=1.5)
     axes.add_patch(outline)
+    for hole in scene.hole:
+        corners = _MM * hole_outline(plate, hole)
+        axes.add_patch(Polygon(corners, fill=False, edgecolor="black", linewidth=1.5))
     if clamp is not None and clamp.kind != "free" and clamp.inner_diameter is not None:
         angle = np.linspace(0.0, 2.0 * np.pi, 361)
         radius = _MM * clamp.inner_diameter / 2
@@ -159,7 +163,7 @@ def _draw_supports(axes: Axes, scene: Scene) -> None:
     for notch in scene.notch:
         if notch.normal == "x":
             z = np.clip(_MM * np.array(notch.bounds[1]), 0.0, height)
-            axes.plot([_MM * notch.position] * 2, z, color="C1", linewidth=2.5, label="notch")
+            axes.plot([_MM * notch.place] * 2, z, color="C1", linewidth=2.5, label="notch")
     axes.legend(loc="upper right", fontsize=12)
     axes.set_xlim(-0.52 * length, 0.52 * length)
     axes.set_ylim(-1.05 * _MM * supports.diameter, top + 0.1 * height)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_ldem.model.lattice import beyond, turned
+from taichi_ldem.model.flaws import flaw_of, turned
 from taichi_ldem.scene import Notch
 from taichi_ldem.storage.fields import Fields
 
@@ -66,7 +65,7 @@ def holding(fields: Fields) -> NDArray[np.bool_]:
 
 
 def notched(fields: Fields, notches: Sequence[Notch], angle: float = 0.0) -> NDArray[np.bool_]:
-    """Mask (C,) of the modules that a notch cuts. They are left out, so that the notch shows.
+    """Mask (C,) of the modules that an open notch cuts. They are left out, so that it shows.
 
     Args:
         angle: of the specimen's axes, along which notches lie, to the lattice's, radians.
@@ -74,17 +73,17 @@ def notched(fields: Fields, notches: Sequence[Notch], angle: float = 0.0) -> NDA
     low = fields.points[fields.hexahedra[:, 0]]
     edge = float(np.linalg.norm(fields.points[fields.hexahedra[0, 1]] - low[0]))
     middle = turned(low + edge / 2, angle) if angle else low + edge / 2
-    # a module of edge 1 reaches so far to either side of its middle along each axis
-    reach = np.array([abs(math.cos(angle)) + abs(math.sin(angle))] * 2 + [1.0]) / 2
     half_way = (0.0, 0.0, 0.5 * float(fields.points[:, 2].max()))  # through the plate
     found = np.zeros(len(low), dtype=bool)
     for notch in notches:
-        normal, *axes = notch.axes
-        off = (beyond(notch.position, half_way[normal], edge) - middle[:, normal]) / edge
-        cut = np.abs(off) < reach[normal]
-        for axis, (start, stop) in zip(axes, notch.bounds, strict=True):
-            cut &= (middle[:, axis] > start) & (middle[:, axis] < stop)
-        found |= cut
+        if notch.opens_at > fields.time:
+            continue
+        flaw = flaw_of(notch)
+        off = flaw.plane(half_way, edge) - middle @ flaw.normal
+        # a module reaches so far to either side of its middle along the normal
+        reach = 0.5 * edge * np.abs(turned(flaw.normal, -angle)).sum()
+        places = middle + off[:, None] * flaw.normal
+        found |= (np.abs(off) < reach) & flaw.holds(places, -1e-9 * edge)
     return found
 
 

@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from taichi_ldem.errors import ExitCode, SceneError, SimulationStopped
-from taichi_ldem.model.lattice import turned
+from taichi_ldem.model.flaws import turned
 from taichi_ldem.model.material import failure_strain
 from taichi_ldem.scene import Scene, load_scene
 
@@ -151,7 +151,7 @@ def geometry(scene: Scene) -> tuple[float, float, float]:
     tip, edge = notches[0].bounds[0][1], scene.plate.size[1] / 2
     if tip >= edge:
         raise SceneError(f"notch[0].to = {notches[0].to}: must leave a ligament along y")
-    return tip, notches[0].position, edge - tip
+    return tip, notches[0].place, edge - tip
 
 
 def free_height(simulation: "Simulation") -> float:

@@ -41,6 +41,15 @@ def fixed_nodes(
     return np.flatnonzero(held).astype(np.int32)
 
 
+def reach(clamp: "Clamp", spacing: float) -> float:
+    """How far outside its circles a clamp still holds nodes, m.
+
+    The first node that is held lies half a module behind a circle on average. A clamp that also
+    holds the nodes up to half a module before it begins on the circle, on average.
+    """
+    return 0.5 * spacing if clamp.edge == "unbiased" else 0.0
+
+
 def refuse_narrow(clamp: "Clamp", spacing: float) -> None:
     """Refuse a ring that is narrower than a module (m).
 
@@ -89,9 +98,10 @@ class Rings(RigidBody):
         refuse_narrow(clamp, dynamics.lattice.spacing)
         assert clamp.inner_diameter is not None  # the scene refuses other clamps without it
         outer = clamp.outer_diameter if clamp.kind != "rim" else None
+        beyond = reach(clamp, dynamics.lattice.spacing)
         numbers = (
-            0.5 * clamp.inner_diameter,
-            0.5 * outer if outer is not None else math.inf,
+            0.5 * clamp.inner_diameter - beyond,
+            0.5 * outer + beyond if outer is not None else math.inf,
             scene.plate.modules_through_thickness * dynamics.spacing,
         )
         fixed = fixed_nodes(dynamics, numbers, through=clamp.kind == "rim")
