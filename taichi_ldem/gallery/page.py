@@ -71,7 +71,7 @@ def write(outcomes: Sequence[Outcome], out: Path, *, quick: bool) -> Path:
             for outcome in outcomes
         },
     }
-    write_whole(out / "gallery.json", (json.dumps(record, indent=2) + "\n").encode())
+    write_whole(out / "gallery.json", (json.dumps(record, indent=2, default=float) + "\n").encode())
     write_whole(out / "gallery.md", "".join(parts).encode())
     return out / "gallery.md"
 

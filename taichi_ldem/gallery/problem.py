@@ -72,7 +72,7 @@ class Finding:
     @property
     def holds(self) -> bool:
         """Whether the computed number is in the interval."""
-        return self.computed is not None and self.low <= self.computed <= self.high
+        return bool(self.computed is not None and self.low <= self.computed <= self.high)
 
     @property
     def difference(self) -> str:

@@ -67,7 +67,7 @@ def _judge(runs: Runs) -> list[Finding]:
         assert striker is not None
         mass = run.scene.material.density * float(np.prod(run.scene.plate.actual_size))
         speed = run.history["striker_velocity_m_s"]
-        given = striker.mass * (speed[0] - speed[-1])
+        given = striker.mass * (striker.speed - speed[-1])
         # the first bending mode moves no momentum; higher ones none either
         mean = -float(np.mean(run.history["beam_velocity_z_m_s"][len(speed) // 2 :]))
         found.append(
