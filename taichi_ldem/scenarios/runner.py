@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 def columns(scene: Scene) -> list[str]:
     """Names of the history's columns, which depend on the features that the scene names."""
     present = contacts_of(scene)
-    own = [observable for body in present for observable in body.observables]
+    own = [observable for body in present for observable in body.observables_in(scene)]
     names = {
         "time_s": True,
         **{o.column: True for o in own if not o.energy},
@@ -76,6 +76,7 @@ def row(sample: "Sample") -> dict[str, float | int | None]:
         "energy_error": sample.energy_error,
         "broken_bars": sample.broken_bars,
     }
+    values |= observed  # of bodies that hardly any scene has
     return {name: _plain(value) for name, value in values.items()}
 
 

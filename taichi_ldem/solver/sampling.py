@@ -79,7 +79,7 @@ class Sampler:
         for _ in range(1):
             for n in ti.static(range(len(self.bodies))):
                 self.recorded[n, LOST] = self.bodies[n].sums[LOSS_AFTER]
-                self.recorded[n, POSITION] = self.bodies[n].displacement_before()
+                self.recorded[n, POSITION] = self.bodies[n].travelled()
 
     @ti.kernel
     def _collect(self, values: ti.types.ndarray()):
@@ -143,6 +143,5 @@ class Sampler:
                 force = (reading.impulse - self.impulses[body.name]) / since
                 self.impulses[body.name] = reading.impulse
                 values = body.observe(reading, force, at, now)
-                columns = (observable.column for observable in declared.observables)
-                observed |= dict(zip(columns, values, strict=True))
+                observed |= dict(zip(body.columns, values, strict=True))
         return observed
