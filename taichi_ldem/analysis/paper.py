@@ -97,6 +97,8 @@ def is_papers_test(scene: Scene) -> bool:
     striker, plate = scene.striker, scene.plate
     if striker is None or plate.shape != "rectangle":
         return False
-    has = (*plate.size, striker.diameter, striker.mass, striker.velocity)
+    if len(scene.strikers) > 1 or striker.mass is None or not striker.guided:
+        return False
+    has = (*plate.size, striker.diameter, striker.mass, striker.speed)
     test = (92.8e-3, 92.8e-3, 3.2e-3, 12.7e-3, 18.49, 1.065)
     return all(math.isclose(a, b, rel_tol=1e-6) for a, b in zip(has, test, strict=True))

@@ -8,8 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from taichi_ldem.scene import Scene
-from taichi_ldem.scene.schema import fields_of
+from taichi_ldem.scene import TABLES
 
 _NOTHING = 1e-3  # share of the largest of a list, below which a number is shown as 0
 
@@ -195,11 +194,7 @@ _UNIT = re.compile(
 def unit_of(key: str) -> str:
     """Unit of a scene's key ("striker.mass"), from the key's description; "" where it has none."""
     table, _, name = key.partition(".")
-    field = fields_of(Scene).get(table)
-    kinds = [field.annotation, *getattr(field.annotation, "__args__", ())] if field else []
-    for kind in kinds:
-        inner = getattr(kind, "model_fields", {}).get(name)
-        if inner is not None:
-            found = _UNIT.search(inner.description or "")
-            return "" if found is None else found[1].replace("seconds", "s")
-    return ""
+    schema = TABLES.get(table.partition("[")[0])
+    field = None if schema is None else schema.model_fields.get(name)
+    found = None if field is None else _UNIT.search(field.description or "")
+    return "" if found is None else found[1].replace("seconds", "s")

@@ -15,9 +15,10 @@ PLATE_WINDOW = 0.2e-3
 BEAM_WINDOW = 60e-6
 """Time for the paper's beam, s: the period in which it swings between striker and supports."""
 
-CLAMPED, FREE = 10.216, 9.0
+CLAMPED, FREE, SUPPORTED = 10.216, 9.0, 4.9
 """lambda^2 of a thin disc's first axisymmetric mode (Leissa, Vibration of Plates, NASA SP-160,
-1969). With a free rim it is 8.9 to 9.1 for Poisson's ratios from 0.25 to 0.33."""
+1969). For Poisson's ratios from 0.25 to 0.33 it is 8.9 to 9.1 with a free rim, and 4.9 to 5.0 with
+one that is supported."""
 
 
 def smoothing_window(scene: Scene) -> float:
@@ -26,9 +27,11 @@ def smoothing_window(scene: Scene) -> float:
         return scene.output.smoothing_window
     m, plate, clamp = scene.material, scene.plate, scene.clamp
     sound, height = math.sqrt(m.youngs_modulus / m.density), plate.size[2]
-    if scene.supports is not None:
+    if scene.supports is not None and scene.supports.span is not None:
         return BEAM_WINDOW * _beam(scene.supports.span, height, sound) / _PAPERS_BEAM
     root, diameter = FREE, plate.diameter or plate.width
+    if scene.supports is not None:
+        root, diameter = SUPPORTED, scene.supports.across
     if scene.held and clamp is not None and clamp.inner_diameter is not None:
         root, diameter = CLAMPED, clamp.inner_diameter
     period = _disc(root, diameter, height, sound, m.poisson_ratio)

@@ -14,6 +14,7 @@ from taichi_ldem.gallery.problem import Problem
 NAMES: tuple[str, ...] = (
     "clamped-plate",
     "free-beam",
+    "hertz",
     "spall",
     "strip",
     "prestrained-strip",

@@ -84,7 +84,7 @@ class LoadedRun:
     @property
     def is_beam(self) -> bool:
         """Whether the specimen is a beam on supports, which is seen from the side."""
-        return self.scene.supports is not None
+        return self.scene.is_beam
 
     @property
     def drawn(self) -> bool:

@@ -148,7 +148,7 @@ def warnings(scene: Scene, steps: int | None = None) -> list[str]:
 
 def _slips(scene: Scene, steps: float | None) -> list[str]:
     """Remarks on numbers that are possible but unusual, most likely in the wrong unit."""
-    plate, m, striker = scene.plate, scene.material, scene.striker
+    plate, m = scene.plate, scene.material
     lines = []
     for number, side in enumerate(plate.size):
         if side > mat.LARGE_SIDE:
@@ -180,20 +180,28 @@ def _slips(scene: Scene, steps: float | None) -> list[str]:
             f"the peak strain eps_p is {strain:.3g}, more than any brittle material's; are "
             "youngs_modulus in Pa and fracture_energy in J/m2?"
         )
-    if striker is not None:
-        stiffness = mat.elastic_constants(m.youngs_modulus, m.poisson_ratio, plate.stiffness)[0]
-        wave = math.sqrt(stiffness / m.density)
-        if striker.velocity > FAST * wave:
-            lines.append(
-                f"striker.velocity = {striker.velocity:g} is in m/s: {striker.velocity / wave:.2g} "
-                f"of the speed of longitudinal waves ({wave:.0f} m/s)"
-            )
+    lines += _fast(scene)
     steps = _steps(scene) if steps is None else steps
     if scene.scenario != "modes" and steps > MANY_STEPS:
         lines.append(
             f"solver.duration = {scene.solver.duration:g} is in seconds and takes about "
             f"{steps / 1e6:.3g} million steps"
         )
+    return lines
+
+
+def _fast(scene: Scene) -> list[str]:
+    """Remarks on strikers whose speed is not far below that of waves."""
+    plate, m, lines = scene.plate, scene.material, []
+    stiffness = mat.elastic_constants(m.youngs_modulus, m.poisson_ratio, plate.stiffness)[0]
+    wave = math.sqrt(stiffness / m.density)
+    for number, striker in enumerate(scene.strikers):
+        if striker.speed > FAST * wave:
+            key = "striker" if len(scene.strikers) == 1 else f"striker[{number}]"
+            lines.append(
+                f"{key}.velocity = {striker.speed:g} is in m/s: {striker.speed / wave:.2g} "
+                f"of the speed of longitudinal waves ({wave:.0f} m/s)"
+            )
     return lines
 
 
@@ -212,7 +220,7 @@ def _steps(scene: Scene) -> float:
 
 def left_out(scene: Scene) -> list[str]:
     """What the scene does not have, and why: neither allocated nor compiled."""
-    contacts = [contact.absent for contact in CONTACTS if contact.table(scene) is None]
+    contacts = [c.absent for c in CONTACTS if c.absent and c.table(scene) is None]
     smooth = [line for body in BODIES if (line := body.without_friction(scene))]
     absent = {
         "motion and strain at the start (no [start])": scene.start is None,

@@ -176,9 +176,10 @@ def linearised(scene: Scene) -> tuple[Scene, list[str]]:
             "between the circles are fixed)"
         )
         changes["clamp"] = scene.clamp.model_copy(update={"kind": "bonded"})
-    if scene.striker is not None:
-        notes.append("the striker is left out")
-        changes["striker"] = None
+    if scene.strikers:
+        plural = len(scene.strikers) > 1
+        notes.append("the strikers are left out" if plural else "the striker is left out")
+        changes["strikers"] = ()
     if scene.material.damage:
         notes.append("bars are elastic and have their full stiffness")
         changes["material"] = scene.material.model_copy(update={"damage": False})

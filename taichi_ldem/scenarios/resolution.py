@@ -7,6 +7,8 @@ is built, and so is a ring that is narrower than a module (``scene.checks``).
 
 from taichi_ldem.scene import Scene
 
+_SLIPS = "it touches single nodes and may slip between them as they move"
+
 
 def unresolved(scene: Scene) -> list[str]:
     """A line for each rigid body that is smaller than a module."""
@@ -22,12 +24,13 @@ def _below(scene: Scene, key: str, size: float, consequence: str) -> list[str]:
 
 
 def _rounds(scene: Scene) -> list[str]:
-    """The striker and the supports."""
-    found = []
-    for name, body in (("striker", scene.striker), ("supports", scene.supports)):
-        if body is not None:
-            text = "it touches single nodes and may slip between them as they move"
-            found += _below(scene, f"{name}.diameter", body.diameter, text)
+    """The strikers and the supports."""
+    found, several = [], len(scene.strikers) > 1
+    for number, striker in enumerate(scene.strikers):
+        key = f"striker[{number}].diameter" if several else "striker.diameter"
+        found += _below(scene, key, striker.diameter, _SLIPS)
+    if scene.supports is not None:
+        found += _below(scene, "supports.diameter", scene.supports.diameter, _SLIPS)
     return found
 
 

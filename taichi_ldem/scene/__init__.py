@@ -1,6 +1,6 @@
 """Scene files: TOML tables in SI units, read once and checked as a whole."""
 
-from taichi_ldem.scene.bodies import Clamp, Contact, Floor, Grips, Striker, Supports
+from taichi_ldem.scene.bodies import Clamp, Contact, Floor, Grips, Supports
 from taichi_ldem.scene.checks import SCENARIOS, ScenarioRules, register_scenario
 from taichi_ldem.scene.load import Override
 from taichi_ldem.scene.loads import Load, Probe, Start
@@ -19,6 +19,7 @@ from taichi_ldem.scene.scene import (
     scene_to_toml,
 )
 from taichi_ldem.scene.specimen import Hole, Notch, Plate
+from taichi_ldem.scene.strikers import MOST_STRIKERS, Striker
 from taichi_ldem.scene.tables import (
     DISORDERED,
     LARGEST_CV,
@@ -34,6 +35,7 @@ __all__ = [
     "DISORDERED",
     "LARGEST_CV",
     "LAW_NAMES",
+    "MOST_STRIKERS",
     "NATURAL",
     "NOSE_NAMES",
     "SCENARIOS",

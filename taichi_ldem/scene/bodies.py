@@ -1,39 +1,10 @@
-"""Tables of contact: what strikes, holds, supports or pulls the specimen, and its own pieces."""
+"""Tables of contact: what holds, supports or pulls the specimen, and its own pieces."""
 
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
-from taichi_ldem.scene.names import NOSE_NAMES
-from taichi_ldem.scene.values import Flag, NonNegative, OneOf, Positive, Real, Table, refuse, show
-
-NoseName = Annotated[str, BeforeValidator(OneOf(NOSE_NAMES))]
-
-
-class Striker(Table):
-    """A rigid nose on a shaft of the same diameter. It moves along -z only.
-
-    hemisphere: half a sphere on a round shaft; cylinder: half a cylinder on a flat shaft, with its
-    axis along y and longer than the plate is wide.
-    """
-
-    shape: NoseName = Field(default="hemisphere", description="shape of the nose")
-    diameter: Positive = Field(description="diameter of nose and shaft, m")
-    mass: Positive = Field(description="mass of the striker, kg")
-    velocity: NonNegative = Field(description="initial velocity towards the plate, m/s")
-    gravity: NonNegative = Field(
-        default=0.0, description="gravity that acts on the striker towards the plate, m/s2"
-    )
-    gap: NonNegative = Field(
-        default=0.0, description="distance between the tip and the top face at t = 0, m"
-    )
-    position: tuple[Real, Real] = Field(
-        default=(0.0, 0.0),
-        description="coordinates x and y of the axis, from the plate's centre, m",
-    )
-    friction: NonNegative = Field(
-        default=0.0, description="coefficient of Coulomb friction between striker and plate"
-    )
+from taichi_ldem.scene.values import Flag, NonNegative, Positive, Real, Table, refuse, show
 
 
 class Clamp(Table):
@@ -137,10 +108,57 @@ class Contact(Table):
 
 
 class Supports(Table):
-    """Two fixed rigid cylinders under the plate at x = +-span/2, along y."""
+    """Fixed rigid bodies under the plate, whose lower face they touch at t = 0.
 
-    span: Positive = Field(description="distance between the axes of the two cylinders, m")
-    diameter: Positive = Field(description="diameter of both cylinders, m")
-    friction: NonNegative = Field(
-        default=0.0, description="coefficient of Coulomb friction between cylinders and plate"
+    cylinders: two, along y, at x = +-span/2; ring: a circular ring around the plate's axis; balls:
+    `count` balls on a circle around the plate's axis, the first at angle 0, on the x axis. Keys
+    that a kind does not need are refused.
+    """
+
+    kind: Literal["cylinders", "ring", "balls"] = Field(
+        default="cylinders", description="shape of the supports, see above"
     )
+    diameter: Positive = Field(
+        description="diameter of the cylinders, of the ring's round section, or of the balls, m"
+    )
+    span: Positive | None = Field(
+        default=None, description="distance between the axes of the two cylinders, m"
+    )
+    ring_diameter: Positive | None = Field(
+        default=None, description="diameter of the middle of the ring's section, m"
+    )
+    circle_diameter: Positive | None = Field(
+        default=None, description="diameter of the circle on which the balls' centres lie, m"
+    )
+    count: Annotated[int, Field(strict=True, ge=3, le=1000)] | None = Field(
+        default=None, description="number of balls"
+    )
+    friction: NonNegative = Field(
+        default=0.0, description="coefficient of Coulomb friction between supports and plate"
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> "Supports":
+        keys = {
+            "cylinders": ("span",),
+            "ring": ("ring_diameter",),
+            "balls": ("circle_diameter", "count"),
+        }
+        for key in keys[self.kind]:
+            if getattr(self, key) is None:
+                raise ValueError(
+                    f"missing key 'supports.{key}' (supports.kind = {show(self.kind)})"
+                )
+        for kind, needed in keys.items():
+            for key in needed:
+                if kind != self.kind and getattr(self, key) is not None:
+                    why = f'is for supports.kind = "{kind}" only'
+                    raise refuse(f"supports.{key}", getattr(self, key), why)
+        return self
+
+    @property
+    def across(self) -> float:
+        """Distance between opposite supports: the span, or the diameter of the circle, m."""
+        found = self.span or self.ring_diameter or self.circle_diameter
+        assert found is not None  # one of them is needed by every kind
+        return found

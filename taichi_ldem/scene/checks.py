@@ -14,6 +14,11 @@ from typing import TYPE_CHECKING, Any
 
 from taichi_ldem.errors import SceneError
 from taichi_ldem.scene import flaws
+from taichi_ldem.scene.checks_of_strikers import (
+    check_strikers,
+    check_supports,
+    refuse_for_bend,
+)
 from taichi_ldem.scene.equations import FAMILY_NAMES, QUARTER, Bars, bar_families
 from taichi_ldem.scene.load_rules import check_loads, check_probes, check_start
 from taichi_ldem.scene.values import refuse
@@ -153,6 +158,7 @@ def _check_bend(scene: Scene) -> None:
         assert scene.clamp is not None
         why = 'must be "free" or absent with scenario = "bend": the beam lies on [supports]'
         raise refuse("clamp.kind", scene.clamp.kind, why)
+    refuse_for_bend(scene)
 
 
 def _check_wave(scene: Scene) -> None:
@@ -344,37 +350,6 @@ def _check_clamp(scene: Scene) -> None:
         raise refuse(f"clamp.{key}", diameter, why)
 
 
-def _check_striker(scene: Scene) -> None:
-    striker, clamp = scene.striker, scene.clamp
-    if striker is None:
-        return
-    if not scene.plate.covers(*striker.position):
-        why = "must be over the plate, in metres from its centre"
-        raise refuse("striker.position", striker.position, why)
-    if clamp is None or clamp.kind == "free":
-        return
-    inner = clamp.inner_diameter
-    assert inner is not None
-    if striker.diameter >= inner:
-        why = f"must be smaller than clamp.inner_diameter = {inner!r}"
-        raise refuse("striker.diameter", striker.diameter, why)
-    if math.hypot(*striker.position) + striker.diameter / 2 >= inner / 2:
-        why = f"the striker must stay inside clamp.inner_diameter = {inner!r}"
-        raise refuse("striker.position", striker.position, why)
-
-
-def _check_supports(scene: Scene) -> None:
-    supports, length = scene.supports, scene.plate.size[0]
-    if supports is None:
-        return
-    if supports.span > length:
-        why = f"must be at most {length!r}, the plate's side x"
-        raise refuse("supports.span", supports.span, why)
-    if supports.diameter > supports.span:
-        why = f"must be at most supports.span = {supports.span!r}"
-        raise refuse("supports.diameter", supports.diameter, why)
-
-
 def _check_contact(scene: Scene) -> None:
     contact = scene.contact
     if contact is not None and contact.fragments and not (scene.material.damage or scene.notch):
@@ -427,9 +402,9 @@ CHECKS: tuple[Callable[[Scene], None], ...] = (
     _check_motion,
     _check_disorder,
     _check_clamp,
-    _check_striker,
+    check_strikers,
     _check_scenario,
-    _check_supports,
+    check_supports,
     _check_contact,
     _check_output,
     _check_vulkan,

@@ -1,5 +1,6 @@
 """Scenes as text: TOML files, overrides of single keys, and writing back."""
 
+import re
 import warnings
 from collections.abc import Collection, Sequence
 from pathlib import Path
@@ -11,7 +12,7 @@ from pydantic import BaseModel
 from taichi_ldem.errors import SceneError, SceneNote
 from taichi_ldem.reading import parse_toml
 from taichi_ldem.scene.messages import nearest
-from taichi_ldem.scene.schema import fields_of, is_list, single_tables
+from taichi_ldem.scene.schema import is_list, keys_of, may_be_single, single_tables
 from taichi_ldem.scene.specimen import FILES
 from taichi_ldem.scene.tables import DISORDERED, Output
 from taichi_ldem.scene.values import show
@@ -33,16 +34,22 @@ class Override(NamedTuple):
 
     Attributes:
         repeated: whether a scene may have several tables of this name.
+        single: whether one of them need not be a list.
+        number: of the table among these, from 0; None where it must be the only one.
     """
 
     path: tuple[str, ...]
     value: object
     repeated: bool = False
+    single: bool = False
+    number: int | None = None
 
     @property
     def key(self) -> str:
-        """The key as a user writes it, ``section.key``."""
-        return ".".join(self.path)
+        """The key as a user writes it, ``section.key`` or ``section[number].key``."""
+        first, *others = self.path
+        number = "" if self.number is None else f"[{self.number}]"
+        return ".".join((first + number, *others))
 
 
 def read_file(path: Path) -> dict[str, Any]:
@@ -104,13 +111,20 @@ def parse_overrides(texts: Sequence[str], schema: type[BaseModel]) -> list[Overr
 def _parse_override(text: str, schema: type[BaseModel]) -> Override:
     key, equals, value = (part.strip() for part in text.partition("="))
     path = tuple(key.split("."))
+    number = None
+    if numbered := re.fullmatch(r"(\w+)\[(\d{1,4})\]", path[0]):
+        path, number = (numbered[1], *path[1:]), int(numbered[2])
     if not equals or not all(path) or len(path) > 2 or (len(path) == 1 and key != "scenario"):
         raise SceneError(f"--set {text}: must have the form section.key=value")
-    if len(path) == 2 and path[0] not in fields_of(schema):
+    fields = keys_of(schema)
+    if len(path) == 2 and path[0] not in fields:
         hint = nearest(path[0], single_tables(schema))
         raise SceneError(f"--set {text}: unknown section '{path[0]}'; {hint}")
-    repeated = len(path) == 2 and is_list(fields_of(schema)[path[0]])
-    return Override(path, _parse_value(text, value), repeated)
+    repeated = len(path) == 2 and is_list(fields[path[0]])
+    single = repeated and may_be_single(fields[path[0]])
+    if number is not None and not repeated:
+        raise SceneError(f"--set {text}: a scene has one table [{path[0]}], give it no number")
+    return Override(path, _parse_value(text, value), repeated, single, number)
 
 
 def _parse_value(text: str, value: str) -> object:
@@ -133,7 +147,8 @@ def apply_overrides(data: dict[str, Any], overrides: Sequence[Override]) -> dict
     for override in overrides:
         table = data
         for section in override.path[:-1]:
-            table = _single(override, table.setdefault(section, [] if override.repeated else {}))
+            empty: Any = [] if override.repeated and not override.single else {}
+            table = _table_of(override, table.setdefault(section, empty))
         table[override.path[-1]] = override.value
         table.pop(EXCLUSIVE.get(override.path, ""), None)
     given = {override.path for override in overrides}
@@ -142,16 +157,23 @@ def apply_overrides(data: dict[str, Any], overrides: Sequence[Override]) -> dict
     return data
 
 
-def _single(override: Override, table: Any) -> dict[str, Any]:
-    """The table that an override is for; of tables that may be repeated, the only one."""
-    section = override.path[0]
+def _table_of(override: Override, table: Any) -> dict[str, Any]:
+    """The table that an override is for; of tables that may be repeated, the numbered or only."""
+    section, number = override.path[0], override.number
     if override.repeated and isinstance(table, list | tuple):
-        if len(table) != 1:
+        count = len(table)
+        if number is None and count != 1:
+            hint = f"give {section}[0] to {section}[{count - 1}]" if count else "change the file"
             raise SceneError(
                 f"--set {override.key}: needs a scene with one table [[{section}]], and this one "
-                f"has {len(table)}; change the file"
+                f"has {count}; {hint}"
             )
-        table = table[0]
+        if number is not None and number >= count:
+            order = ", numbered from 0" if count else ""
+            raise SceneError(f"--set {override.key}: this scene has {count} [[{section}]]{order}")
+        table = table[number or 0]
+    elif number:
+        raise SceneError(f"--set {override.key}: this scene has one table [{section}]")
     if not isinstance(table, dict):
         raise SceneError(f"--set {override.key}: '{section}' is not a table")
     return table

@@ -1,7 +1,8 @@
 """How a fault that pydantic finds becomes one line, and which key a user most likely meant."""
 
 import difflib
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pydantic import BaseModel
@@ -78,14 +79,29 @@ def explain(fault: ErrorDetails, data: object, schema: type[BaseModel]) -> str:
         data: the tables that were validated.
         schema: the class that they were validated with.
     """
-    kind, location = fault["type"], fault["loc"]
-    if kind == "value_error":  # a check of our own, complete already
-        return str(fault["ctx"]["error"])
+    kind, location = fault["type"], _as_written(fault["loc"], data)
+    if kind == "value_error":  # a check of our own, complete but for the table's number
+        return _numbered(str(fault["ctx"]["error"]), location)
     if kind == "extra_forbidden":
         return _unknown(location, schema)
     if kind == "missing":
         return _missing(location, data, schema)
     return f"{_key(location)} = {show(fault['input'])}: {_wish(fault, location, schema)}"
+
+
+def _as_written(location: Location, data: object) -> Location:
+    """A location without the number of a table that the file does not have as a list."""
+    numbered = len(location) > 1 and isinstance(location[1], int)
+    if numbered and isinstance(data, Mapping) and isinstance(data.get(location[0]), Mapping):
+        return location[0], *location[2:]
+    return location
+
+
+def _numbered(message: str, location: Location) -> str:
+    """A message of a table's own check, with the number of the table where there are several."""
+    if len(location) < 2 or not isinstance(location[1], int):
+        return message
+    return re.sub(rf"(?<![\w.]){location[0]}\.", f"{_key(location[:2])}.", message)
 
 
 def _unknown(location: Location, schema: type[BaseModel]) -> str:

@@ -16,7 +16,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from taichi_ldem.scene import Scene
-from taichi_ldem.scene.schema import fields_of, is_list, limits_of, table_of
+from taichi_ldem.scene.schema import is_list, keys_of, limits_of, may_be_single, table_of
 from taichi_ldem.scene.values import OneOf
 
 HEAD = """# Scene keys
@@ -34,13 +34,14 @@ file. `ldem info SCENE.toml` says what a scene implies.
 def reference() -> str:
     """The page, Markdown."""
     parts = [HEAD, "## Top\n\n"]
-    simple = {n: f for n, f in fields_of(Scene).items() if table_of(f) is None}
+    simple = {n: f for n, f in keys_of(Scene).items() if table_of(f) is None}
     parts.append(_rows(simple.items()))
-    for name, field in fields_of(Scene).items():
+    for name, field in keys_of(Scene).items():
         table = table_of(field)
         if table is None:
             continue
-        title = f"[[{name}]]" if is_list(field) else f"[{name}]"
+        several = is_list(field) and not may_be_single(field)
+        title = f"[[{name}]]" if several else f"[{name}]"
         needed = "needed" if field.is_required() else "may be left out"
         about = " ".join((table.__doc__ or "").split())
         parts.append(f"\n## `{title}`\n\n{about} ({needed})\n\n")

@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import re
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field, ValidationError, model_validator
+from pydantic import (
+    BeforeValidator,
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    model_serializer,
+    model_validator,
+)
 
 from taichi_ldem.errors import SceneError
 from taichi_ldem.scene import checks, load, messages, shape_file
-from taichi_ldem.scene.bodies import Clamp, Contact, Floor, Grips, Striker, Supports
+from taichi_ldem.scene.bodies import Clamp, Contact, Floor, Grips, Supports
 from taichi_ldem.scene.load_rules import LISTED, with_names
 from taichi_ldem.scene.load_tables import with_tables
 from taichi_ldem.scene.loads import Load, Probe, Start
-from taichi_ldem.scene.schema import tables_of
+from taichi_ldem.scene.schema import SINGLE, tables_of
 from taichi_ldem.scene.specimen import Hole, Notch, Plate
+from taichi_ldem.scene.strikers import Striker
 from taichi_ldem.scene.tables import (
     Disorder,
     Material,
@@ -38,6 +47,11 @@ class _OneLine(type(Table)):  # type: ignore[misc]
         return parse_scene(data)
 
 
+def _as_list(value: Any) -> Any:
+    """A single table as a list of one."""
+    return [value] if isinstance(value, Mapping | Striker) else value
+
+
 class Scene(Table, metaclass=_OneLine):
     """A complete scene. A table that is left out (None) is a feature that is left out."""
 
@@ -47,7 +61,9 @@ class Scene(Table, metaclass=_OneLine):
     plate: Plate
     material: Material
     disorder: Disorder | None = None
-    striker: Striker | None = None
+    strikers: Annotated[tuple[Striker, ...], BeforeValidator(_as_list), SINGLE] = Field(
+        default=(), alias="striker"
+    )
     clamp: Clamp | None = None
     grips: Grips | None = None
     pulse: Pulse | None = None
@@ -89,6 +105,16 @@ class Scene(Table, metaclass=_OneLine):
         return _overridden(data, "scene", overrides)
 
     @property
+    def striker(self) -> Striker | None:
+        """The first striker; None where there is none."""
+        return self.strikers[0] if self.strikers else None
+
+    @property
+    def is_beam(self) -> bool:
+        """Whether the specimen is a beam on two cylinders, which is seen from the side."""
+        return self.supports is not None and self.supports.kind == "cylinders"
+
+    @property
     def held(self) -> bool:
         """Whether anything holds the plate."""
         return self.clamp is not None and self.clamp.kind != "free"
@@ -113,6 +139,17 @@ class Scene(Table, metaclass=_OneLine):
             return None
         between = self.plate.size[0] - 2 * self.grips.length
         return max(between / 2, 2 * self.plate.spacing)
+
+    @model_serializer(mode="wrap")
+    def _single_as_table(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """The tables as a file has them: a single striker is a table, and none is left out."""
+        data: dict[str, Any] = handler(self)
+        for key in ("striker", "strikers"):
+            if not data.get(key, True):
+                del data[key]
+            elif len(data.get(key, ())) == 1:
+                data[key] = data[key][0]
+        return data
 
     @model_validator(mode="before")
     @classmethod
@@ -170,10 +207,7 @@ def overridden_tables(
     tables: Mapping[str, Any], overrides: Sequence[load.Override]
 ) -> dict[str, Any]:
     """A copy of tables with overrides, not validated; otherwise as `load_scene`."""
-    copied = {
-        name: dict(table) if isinstance(table, dict) else table for name, table in tables.items()
-    }
-    return load.apply_overrides(copied, overrides)
+    return load.apply_overrides(copy.deepcopy(dict(tables)), overrides)
 
 
 def parse_scene(
@@ -195,7 +229,7 @@ def parse_scene(
         # a misspelt key also shows up as a missing one: name the cause, not the consequence
         faults = sorted(error.errors(), key=lambda fault: fault["type"] != "extra_forbidden")
         message = messages.explain(faults[0], data, Scene)
-        # --set names no number of the only table of its kind
+        # --set need not number the only table of its kind
         bare = re.sub(r"^(unknown key ')?(\w+)\[0\]\.", r"\1\2.", message)
         if any(
             bare.startswith((f"{key} =", f"{key}[", f"unknown key '{key}'")) for key in overridden

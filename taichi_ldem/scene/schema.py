@@ -9,20 +9,30 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 
-def fields_of(schema: type[BaseModel]) -> dict[str, FieldInfo]:
-    """The fields of a schema by their names in a file."""
+def tables_of(schema: type[BaseModel]) -> dict[str, type[BaseModel]]:
+    """The tables of a schema by key, those that may be repeated included."""
+    found = ((key, table_of(field)) for key, field in keys_of(schema).items())
+    return {key: table for key, table in found if table is not None}
+
+
+def keys_of(schema: type[BaseModel]) -> dict[str, FieldInfo]:
+    """The fields of a schema by the keys that a file has for them."""
     return {field.alias or name: field for name, field in schema.model_fields.items()}
 
 
-def tables_of(schema: type[BaseModel]) -> dict[str, type[BaseModel]]:
-    """The tables of a schema by name, those that may be repeated included."""
-    found = ((name, table_of(field)) for name, field in fields_of(schema).items())
-    return {name: table for name, table in found if table is not None}
-
-
 def single_tables(schema: type[BaseModel]) -> list[str]:
-    """Names of the tables that a scene has once."""
-    return [name for name in tables_of(schema) if not is_list(fields_of(schema)[name])]
+    """Keys of the tables that a scene has once, or may have once without being a list."""
+    fields = keys_of(schema)
+    return [k for k in tables_of(schema) if not is_list(fields[k]) or may_be_single(fields[k])]
+
+
+SINGLE = "a single table [key] is as good as a list [[key]]"
+"""Marks, among a field's metadata, a list of tables that need not be written as a list."""
+
+
+def may_be_single(field: FieldInfo) -> bool:
+    """Whether a field that holds a list of tables takes a single table, too."""
+    return SINGLE in field.metadata
 
 
 def table_of(field: FieldInfo) -> type[BaseModel] | None:

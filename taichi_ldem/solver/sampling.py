@@ -105,7 +105,7 @@ class Sampler:
         for _ in range(1):
             for n in ti.static(range(len(self.bodies))):
                 self.recorded[n, LOST] = self.bodies[n].sums[LOSS_AFTER]
-                self.recorded[n, POSITION] = self.bodies[n].displacement_before()
+                self.recorded[n, POSITION] = self.bodies[n].travelled()
 
     @ti.kernel
     def _collect(self, values: ti.types.ndarray()):

@@ -144,7 +144,7 @@ def statics(scene: Scene) -> dict[str, float]:
     cut = lattice.bars_crossing(notch.axes[0], notch.place, (a, c), (b, d))
     none = np.zeros_like(cut)
     return {
-        name: compliance.lattice_compliance(lattice, stiffness, removed, supports.span)
+        name: compliance.lattice_compliance(lattice, stiffness, removed, supports.across)
         for name, removed in (("whole_m_n", none), ("notched_m_n", cut))
     }
 
@@ -159,7 +159,7 @@ def evaluate(
     cell = CELLS[scene.plate.lattice]
     lattice = Lattice(prism(*scene.plate.modules), scene.plate.spacing, cell=cell)
     depth = notch_depth(notch, lattice)
-    alpha, beta = depth / width, supports.span / width
+    alpha, beta = depth / width, supports.across / width
     unit = scene.material.youngs_modulus * thickness
     dents = static["whole_m_n"] - compliance.whole_beam(beta) / unit
     in_dents = summary["peak_strain_j"] * dents / static["notched_m_n"]

@@ -78,8 +78,8 @@ def test_a_softening_law_is_one_file(copy: Path) -> None:
 
 @pytest.mark.slow
 def test_a_nose_of_the_striker_is_one_file(copy: Path) -> None:
-    _add(copy, "taichi_ldem/solver/contact/noses/flat.py")
-    scene = _scene(copy, ("diameter = 0.006\n", 'diameter = 0.006\nshape = "flat"\n'))
+    _add(copy, "taichi_ldem/solver/contact/noses/punch.py")
+    scene = _scene(copy, ("diameter = 0.006\n", 'diameter = 0.006\nshape = "punch"\n'))
     _ldem(copy, "impact", scene, "--out", copy / "run", "--quiet")
     assert _summary(copy / "run")["peak_load_n"] > 0
 

@@ -29,7 +29,7 @@ def _cost(run: LoadedRun) -> float | None:
     """G at which the crack runs, U / (B W phi), over G_f."""
     absorbed = run.number("absorbed_j")
     supports, energy = run.scene.supports, run.scene.material.fracture_energy
-    if absorbed is None or supports is None or energy is None:
+    if absorbed is None or supports is None or supports.span is None or energy is None:
         return None
     _, width, height = run.scene.plate.actual_size
     alpha = run.positive("notch_depth_m") / height

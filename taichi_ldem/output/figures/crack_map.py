@@ -153,7 +153,7 @@ def _draw_supports(axes: Axes, scene: Scene) -> None:
     body: dict[str, Any] = {"facecolor": "C0", "alpha": 0.3, "linewidth": 0}
     radius = _MM * supports.diameter / 2
     for side in (-1, 1):
-        axes.add_patch(Circle((side * _MM * supports.span / 2, -radius), radius, **body))
+        axes.add_patch(Circle((side * _MM * supports.across / 2, -radius), radius, **body))
     top = height
     if striker is not None:
         radius = _MM * striker.diameter / 2

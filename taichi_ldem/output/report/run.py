@@ -109,8 +109,9 @@ def lead(run: LoadedRun) -> str:
     x, y, z = (1e3 * side for side in scene.plate.actual_size)
     nx, ny, nz = scene.plate.modules
     text = f"{x:.1f} x {y:.1f} x {z:.2f} mm as {nx} x {ny} x {nz} modules"
-    if scene.striker is not None:
-        text += f", struck by {scene.striker.mass:g} kg at {scene.striker.velocity:g} m/s"
+    for number, striker in enumerate(scene.strikers):
+        by = "an indenter" if striker.mass is None else f"{striker.mass:g} kg"
+        text += f"{' and' if number else ', struck'} by {by} at {striker.speed:g} m/s"
     if any(scene.plate.velocity or ()):
         text += f", thrown at {math.hypot(*scene.plate.velocity or ()):g} m/s"
     text += _random(scene, run.folder)

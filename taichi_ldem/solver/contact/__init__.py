@@ -12,7 +12,7 @@ from taichi_ldem.solver.contact.fragments import FRAGMENTS
 from taichi_ldem.solver.contact.grips import GRIPS
 from taichi_ldem.solver.contact.loads import LOADS
 from taichi_ldem.solver.contact.rings import RINGS
-from taichi_ldem.solver.contact.striker import STRIKER
+from taichi_ldem.solver.contact.striker import STRIKERS
 from taichi_ldem.solver.contact.supports import SUPPORTS
 
 __all__ = [
@@ -27,7 +27,7 @@ __all__ = [
     "observables",
 ]
 
-BODIES: tuple[Body, ...] = (STRIKER, RINGS, GRIPS, SUPPORTS, FLOOR, LOADS)
+BODIES: tuple[Body, ...] = (STRIKERS[0], RINGS, GRIPS, SUPPORTS, FLOOR, *STRIKERS[1:], LOADS)
 """All bodies, in the order of their columns in the history and of their impulses in a checkpoint.
 A new one comes last: checkpoints that were written before have a zero in its place."""
 
@@ -54,5 +54,9 @@ def in_order_of_resolving() -> list[Body]:
 
 
 def observables(*, energy: bool) -> list[Observable]:
-    """The observables of all contacts that are, or are not, terms of the energy balance."""
-    return [o for contact in CONTACTS for o in contact.observables if o.energy == energy]
+    """The observables of all contacts that are, or are not, terms of the energy balance.
+
+    Those of further strikers are left out, as hardly any scene has them.
+    """
+    usual = (contact for contact in CONTACTS if contact not in STRIKERS[1:])
+    return [o for contact in usual for o in contact.observables if o.energy == energy]

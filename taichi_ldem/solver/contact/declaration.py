@@ -34,7 +34,8 @@ class Body:
 
     Attributes:
         name: name of the body, also in checkpoints.
-        absent: how ``ldem info`` names the contact that a scene without the body leaves out.
+        absent: how ``ldem info`` names the contact that a scene without the body leaves out; empty
+            where that goes without saying.
         observables: in the order of the history's columns and of ``RigidBody.observe``.
         holds: whether the body holds the plate; such bodies are resolved first.
         follows: whether it is resolved last, when the velocities of nodes are known.
@@ -42,21 +43,17 @@ class Body:
         force: column of the force that a run's progress shows, if the body has one.
     """
 
-    name: ClassVar[str]
-    absent: ClassVar[str]
-    observables: ClassVar[tuple[Observable, ...]] = ()
+    name: str
+    absent: str
+    observables: tuple[Observable, ...] = ()
     holds: ClassVar[bool] = False
     follows: ClassVar[bool] = False
     dissipates: ClassVar[bool] = True
-    force: ClassVar[str | None] = None
+    force: str | None = None
 
     def table(self, scene: Scene) -> Any:
         """The scene's table of the body; None where the scene has no such body."""
         raise NotImplementedError
-
-    def observables_in(self, scene: Scene) -> tuple[Observable, ...]:
-        """The observables in a scene."""
-        return self.observables
 
     def without_friction(self, scene: Scene) -> str:
         """How ``ldem info`` names the friction that a body of the scene could have; or nothing."""
@@ -80,10 +77,18 @@ class Body:
         """
         if self.table(scene) is None:
             return None
-        body = self.kernels()(dynamics, scene, time_step)  # type: ignore[call-arg, arg-type]
+        body = self.make(dynamics, scene, time_step)
         body.name = self.name
         body.columns = tuple(o.column for o in self.observables_in(scene))
         return body
+
+    def make(self, dynamics: "Dynamics", scene: Scene, time_step: float) -> "RigidBody":
+        """The body with its kernels, for a scene that has it."""
+        return self.kernels()(dynamics, scene, time_step)  # type: ignore[call-arg, arg-type]
+
+    def observables_in(self, scene: Scene) -> tuple[Observable, ...]:
+        """The observables of the body in a scene; all of ``observables`` unless it says more."""
+        return self.observables
 
     def warnings(self, scene: Scene, history: list[dict[str, Any]]) -> list[str]:
         """Lines about a finished run that its reader should know, from the history's rows."""

@@ -1,5 +1,6 @@
 """How a rigid body is drawn: faces of a solid, and circles on the plate's faces."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -29,3 +30,25 @@ class Drawing:
     faces: Floats = field(default_factory=no_faces)
     radii: tuple[float, ...] = ()
     thickness: float = 0.0
+
+
+TURN = 64
+"""Faces that are drawn around an axis."""
+
+
+def turned(out: Floats, up: Floats, around: int = TURN) -> Floats:
+    """(F, 4, 3) of a profile that is turned around the z axis, m.
+
+    Args:
+        out, up: (n,) distances from the axis and heights, from the bottom up along the outside.
+        around: faces around the axis.
+    """
+    turn = np.linspace(0.0, 2 * np.pi, around + 1)
+    return between([np.stack([out * np.cos(a), out * np.sin(a), up], axis=1) for a in -turn])
+
+
+def between(rows: Sequence[Floats]) -> Floats:
+    """(F, 4, 3) of the faces between rows of points, (n, 3) each, m."""
+    grid = np.array(rows)
+    faces = [grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]]
+    return np.asarray(np.stack(faces, axis=2).reshape(-1, 4, 3))

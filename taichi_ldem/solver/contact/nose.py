@@ -14,6 +14,9 @@ Floats = npt.NDArray[np.float64]
 class Nose:
     """A nose and the shaft above it, which has the nose's width.
 
+    A nose may need a number beside the radius, for which the scene has a key of its own (see
+    ``NOSE_KEYS`` in ``scene.bodies``). Its functions then take that number last.
+
     Places are measured from the point of the axis that lies one radius above the tip, in m; z
     points up, away from the plate.
 
@@ -25,11 +28,25 @@ class Nose:
         profile: ``profile(radius)`` returns (n,) half widths and (n,) heights above the tip from
             the tip to the lower end of the shaft, for drawing.
         along_y: whether the profile runs along y, rather than around the axis.
+        number: ``number(value, radius)`` turns the value of the scene's key into the number that
+            ``surface`` and ``profile`` take; None for a nose that needs none.
     """
 
-    surface: Callable[[Any, Any], Any]
-    profile: Callable[[float], tuple[Floats, Floats]]
+    surface: Callable[..., Any]
+    profile: Callable[..., tuple[Floats, Floats]]
     along_y: bool = False
+    number: Callable[[float, float], float] | None = None
+
+    def numbers(self, value: float | None, radius: float) -> tuple[float, ...]:
+        """The nose's number as a tuple, empty for a nose that needs none.
+
+        Args:
+            value: of the scene's key.
+        """
+        if self.number is None:
+            return ()
+        assert value is not None  # the scene refuses a striker without it
+        return (self.number(value, radius),)
 
 
 def quarter_circle(radius: float) -> tuple[Floats, Floats]:

@@ -34,7 +34,7 @@ class Rings(Body):
     def drawing(self, scene: Scene, history: Mapping[str, Floats], time: float) -> Drawing | None:
         """The circles of the clamp; none around a beam on supports."""
         clamp = self.table(scene)
-        if clamp is None or scene.supports is not None:
+        if clamp is None or scene.is_beam:
             return None
         both = (clamp.inner_diameter, clamp.outer_diameter if clamp.kind != "rim" else None)
         radii = tuple(diameter / 2 for diameter in both if diameter is not None)

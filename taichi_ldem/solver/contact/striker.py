@@ -1,88 +1,137 @@
-"""Declaration of the striker, and its drawing."""
+"""Declaration of the strikers, and their drawing."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from taichi_ldem.analysis.signals import smooth_force
 from taichi_ldem.analysis.window import smoothing_window
-from taichi_ldem.scene import Scene
+from taichi_ldem.scene import MOST_STRIKERS, Scene
 from taichi_ldem.scene import Striker as Table
 from taichi_ldem.solver.contact.declaration import Body, Observable
-from taichi_ldem.solver.contact.drawing import Drawing, Floats
+from taichi_ldem.solver.contact.drawing import Drawing, Floats, between, turned
 from taichi_ldem.solver.contact.noses import nose_of
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.contact.kernels.striker import Striker as Kernels
+    from taichi_ldem.solver.dynamics import Dynamics
 
 SHAFT = 0.7
 """Length of the shaft that is drawn above the nose, in diameters."""
 
-TURN = 64
-"""Faces that are drawn around the axis."""
-
 
 class Striker(Body):
-    """A rigid nose on a shaft that hits the plate from above."""
+    """A rigid nose on a shaft that hits the plate from above.
 
-    name = "striker"
-    absent = "striker contact (no [striker])"
-    observables = (
-        Observable("striker_displacement_m", "striker displacement", "m", "towards the plate"),
-        Observable("striker_velocity_m_s", "striker velocity", "m/s", "towards the plate"),
-        Observable("striker_force_n", "force on the striker", "N", "against its motion"),
-        Observable("kinetic_striker_j", "kinetic energy of the striker", "J", energy=True),
-    )
-    force = "striker_force_n"
+    Attributes:
+        number: of the striker in the scene, from 0.
+    """
+
+    def __init__(self, number: int):
+        self.number = number
+        self.name = name = f"striker{number + 1}" if number else "striker"
+        self.words = f"striker {number + 1}" if number else "striker"
+        self.absent = "" if number else "striker contact (no [striker])"
+        self.force: str = f"{name}_force_n"
+        words, towards = self.words, "towards the plate"
+        self.observables = (
+            Observable(f"{name}_displacement_m", f"{words} displacement", "m", towards),
+            Observable(f"{name}_velocity_m_s", f"{words} velocity", "m/s", towards),
+            Observable(self.force, f"force on the {words}", "N", "against its motion"),
+            Observable(f"kinetic_{name}_j", f"kinetic energy of the {words}", "J", energy=True),
+        )
 
     def table(self, scene: Scene) -> Table | None:
-        """The table [striker]."""
-        return scene.striker
+        """The table [striker], or the one of this number among [[striker]]."""
+        return scene.strikers[self.number] if self.number < len(scene.strikers) else None
+
+    def without_friction(self, scene: Scene) -> str:
+        """How ``ldem info`` names the friction that the striker could have; or nothing."""
+        return super().without_friction(scene).replace(self.name, self.words, 1)
 
     def works(self, scene: Scene) -> bool:
-        """Whether gravity acts on the striker."""
-        return scene.striker is not None and scene.striker.gravity > 0
+        """Whether gravity acts on the striker, or something keeps its velocity."""
+        table = self.table(scene)
+        return table is not None and (table.gravity > 0 or table.is_prescribed)
+
+    def observables_in(self, scene: Scene) -> tuple[Observable, ...]:
+        """Those of every striker; along x and y, too, where it has no guide."""
+        table = self.table(scene)
+        if table is None or table.guided:
+            return self.observables
+        return (*self.observables, *self._sideways())
+
+    def _sideways(self) -> Iterator[Observable]:
+        for axis in "xy":
+            start, along = f"{self.name}_{{}}_{axis}", f"along {axis}"
+            yield Observable(
+                f"{start.format('displacement')}_m",
+                f"{self.words} displacement {along}",
+                "m",
+                along,
+            )
+            yield Observable(
+                f"{start.format('velocity')}_m_s", f"{self.words} velocity {along}", "m/s", along
+            )
+            yield Observable(
+                f"{start.format('force')}_n", f"force on the {self.words} {along}", "N", along
+            )
 
     def kernels(self) -> "type[Kernels]":
-        """The kernels' class."""
+        """The class of the kernels of a striker on a guide."""
         from taichi_ldem.solver.contact.kernels.striker import Striker as Kernels
 
         return Kernels
 
+    def make(self, dynamics: "Dynamics", scene: Scene, time_step: float) -> "Kernels":
+        """The striker with its kernels, on a guide or without one."""
+        if scene.strikers[self.number].guided:
+            return self.kernels()(dynamics, scene, time_step, self.number)
+        from taichi_ldem.solver.contact.kernels.unguided import UnguidedStriker
+
+        return UnguidedStriker(dynamics, scene, time_step, self.number)
+
     def warnings(self, scene: Scene, history: list[dict[str, Any]]) -> list[str]:
         """A line where the striker has never touched the plate, with the reason."""
-        striker = scene.striker
-        if striker is None or any(row["striker_force_n"] for row in history):
+        striker = self.table(scene)
+        if striker is None or any(row[self.force] for row in history):
             return []
-        way = max(row["striker_displacement_m"] for row in history)
+        key = "striker" if len(scene.strikers) == 1 else f"striker[{self.number}]"
+        way = max(row[f"{self.name}_displacement_m"] for row in history)
         if way <= striker.gap:
             why = (
-                f"it has come {way:.4g} m of striker.gap = {striker.gap:g} in "
+                f"it has come {way:.4g} m of {key}.gap = {striker.gap:g} in "
                 f"solver.duration = {scene.solver.duration:g}"
             )
         else:
             size = striker.diameter / scene.plate.spacing
             why = (
                 f"it has passed the top face by {way - striker.gap:.4g} m beside all nodes; see "
-                f"striker.position and striker.diameter, {size:.3g} modules"
+                f"{key}.position and {key}.diameter, {size:.3g} modules"
             )
-        return [f"the striker never touched the plate: {why}"]
+        return [f"the {self.words} never touched the plate: {why}"]
 
     def drawing(self, scene: Scene, history: Mapping[str, Floats], time: float) -> Drawing | None:
         """The striker where the history has it at a time; not above a beam on supports."""
-        path = history.get("striker_displacement_m", ())
-        if scene.striker is None or scene.supports is not None or not len(path):
+        table, path = self.table(scene), history.get(f"{self.name}_displacement_m", ())
+        if table is None or scene.is_beam or not len(path):
             return None
         times = np.asarray(history["time_s"], dtype=float)
+
+        def at(column: str) -> float:
+            values = history.get(f"{self.name}_{column}")
+            return 0.0 if values is None else float(np.interp(time, times, values))
+
         _, width, thickness = scene.plate.actual_size
-        tip = thickness + scene.striker.gap - float(np.interp(time, times, path))
-        sampled = np.asarray(history["striker_force_n"], dtype=float)
+        tip = thickness + table.gap - at("displacement_m")
+        sideways = at("displacement_x_m"), at("displacement_y_m"), 0.0
+        sampled = np.asarray(history[self.force], dtype=float)
         force = smooth_force(times, sampled, smoothing_window(scene))
         felt = abs(round(float(np.interp(time, times, force))))
         return Drawing(
-            f"blue: the striker, force on it {felt:.0f} N",
-            striker_faces(scene.striker, width, tip),
+            f"blue: the {self.words}, force on it {felt:.0f} N",
+            striker_faces(table, width, tip) + np.array(sideways),
         )
 
 
@@ -93,20 +142,18 @@ def striker_faces(striker: Table, width: float, tip: float) -> Floats:
         width: of the plate along y, m; a nose along y is longer.
     """
     radius, nose = striker.diameter / 2, nose_of(striker.shape)
-    out, up = nose.profile(radius)
-    out = np.append(out, [radius, 0.0])  # up the shaft, and inwards to its axis
-    up = np.append(up, [radius * (1 + 2 * SHAFT)] * 2)
+    out, up = nose.profile(radius, *nose.numbers(striker.nose_number, radius))
+    out = np.append(out, [out[-1], 0.0])  # up the shaft, and inwards to its axis
+    up = np.append(up, [up[-1] + 2 * SHAFT * radius] * 2)
     if nose.along_y:
         across = np.concatenate([-out[::-1], out])
         height = np.concatenate([up[::-1], up])
         half = 0.55 * width + float(out.max())
         rows = [np.stack([across, np.full_like(across, y), height], axis=1) for y in (half, -half)]
     else:
-        turn = np.linspace(0.0, 2 * np.pi, TURN + 1)
-        rows = [np.stack([out * np.cos(a), out * np.sin(a), up], axis=1) for a in -turn]
-    grid = np.array(rows) + np.array((*striker.position, tip))
-    faces = [grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]]
-    return np.asarray(np.stack(faces, axis=2).reshape(-1, 4, 3))
+        return turned(out, up) + np.array((*striker.position, tip))
+    return between(rows) + np.array((*striker.position, tip))
 
 
-STRIKER = Striker()
+STRIKERS = tuple(Striker(number) for number in range(MOST_STRIKERS))
+"""All strikers that a scene may have, in the order of its tables."""

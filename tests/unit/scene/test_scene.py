@@ -276,13 +276,17 @@ def test_an_override_changes_the_only_notch(full: Path) -> None:
 def test_an_override_of_a_notch_needs_exactly_one(full: Path, minimal: Path) -> None:
     other = "[[notch]]\nnormal = 'x'\nposition = 0\nfrom = [0, 0]\nto = [0.01, 1e-3]\n"
     full.write_text(full.read_text() + other)
-    for path, count in ((minimal, 0), (full, 2)):
+    for path, count, hint in (
+        (minimal, 0, "change the file"),
+        (full, 2, "give notch[0] to notch[1]"),
+    ):
         with pytest.raises(SceneError) as refused:
             load_scene(path, ["notch.position=1e-3"])
         assert one_line(refused) == (
             "--set notch.position: needs a scene with one table [[notch]], and this one has "
-            f"{count}; change the file"
+            f"{count}; {hint}"
         )
+    assert load_scene(full, ["notch[1].position=1e-3"]).notch[1].position == 1e-3
 
 
 # -- contact of pieces -----------------------------------------------------------------------------

@@ -118,7 +118,7 @@ class RigidBody(NearbyNodes):
         friction: (1,) f64, the coefficient; only where ``rubs``.
         free: velocity of each listed node at the end of the step, m/s, before any body was
             resolved; only where ``shared``.
-        chunk_sums: (chunks,) 4-vectors in f64.
+        chunk_sums: (chunks,) vectors in f64 of length ``width``.
         group_sums: (groups,) 4-vectors in f64, on a GPU.
         sums: (4,) f64 since the start: impulse on the plate along z (N s); half-step work on the
             plate in the latest step (J); energy lost before and after the latest sample time (J).
@@ -126,10 +126,13 @@ class RigidBody(NearbyNodes):
 
     name = ""
 
+    width = 4
+    """Length of a chunk's sums."""
+
     needs_sums: ClassVar[bool] = False
     """Whether the body's own motion needs the chunks' sums in every step."""
 
-    meets_others: ClassVar[bool] = False
+    meets_others = False
     """Whether another body may press nodes against this one, which is then resolved after it."""
 
     state: Any = None
@@ -148,7 +151,7 @@ class RigidBody(NearbyNodes):
         self.rubs = layout.rubs
         if self.rubs:
             self.friction = field_apart(ti.f64, 1)
-        self.chunk_sums = field_apart(ti.f64, self.capacity // CHUNK + 1, 4)
+        self.chunk_sums = field_apart(ti.f64, self.capacity // CHUNK + 1, self.width)
         self.sums = field_apart(ti.f64, 4)
         self.accumulates = not (dynamics.on_cpu or self.needs_sums)
         if self.accumulates:
@@ -165,8 +168,7 @@ class RigidBody(NearbyNodes):
     # -- on the host
     # -------------------------------------------------------------------------------------
 
-    @classmethod
-    def layout_of(cls, dynamics: Dynamics, scene: "Scene") -> Layout:
+    def layout_of(self, dynamics: Dynamics, scene: "Scene") -> Layout:
         """The body's layout in a scene; each body's own.
 
         Raises:
@@ -333,15 +335,25 @@ class RigidBody(NearbyNodes):
             drag = damping * self.dynamics.node_mass(s, k, j, i) * mean
             path = ti.cast(time_step * (velocity - free), float)
             self.dynamics.add_damped(s, k, j, i, drag.dot(path))
-        works = vec3d(
-            self.component(impulse), 0.5 * impulse.dot(before), 0.5 * impulse.dot(velocity)
-        )
+        works = self.works_of(impulse, before, velocity)
         if ti.static(self.shared):
             # other bodies have counted their work up to a velocity that is not the node's last
             others = free - ti.cast(self.free[number], ti.f64)
             mass = self.inertia(s, k, j, i, time_step, damping)
-            works.z += 0.5 * mass * others.dot(velocity - free)
+            works[2] += 0.5 * mass * others.dot(velocity - free)
         return works
+
+    @ti.func
+    def works_of(self, impulse, before, velocity):
+        """What a body sums of a node's impulse (see ``put``), from its velocities around t_n."""
+        return vec3d(
+            self.component(impulse), 0.5 * impulse.dot(before), 0.5 * impulse.dot(velocity)
+        )
+
+    @ti.func
+    def no_works(self):
+        """The sums of ``works_of`` without a node."""
+        return vec3d(0.0, 0.0, 0.0)
 
     @ti.func
     def braking(self, slid, pushed):
@@ -381,7 +393,7 @@ class RigidBody(NearbyNodes):
     @ti.func
     def total(self):
         """Sum of the chunks' sums, in their order."""
-        total, chunks = ti.Vector.zero(ti.f64, 4), self.chunks()
+        total, chunks = ti.Vector.zero(ti.f64, self.width), self.chunks()
         for batch in range((chunks + self.batch - 1) // self.batch):
             first = batch * self.batch
             parts = [
@@ -468,6 +480,11 @@ class RigidBody(NearbyNodes):
     def displacement_before(self):
         """The body's displacement at the start of the step, m; 0 for one that does not move."""
         return ti.cast(0.0, ti.f64)
+
+    @ti.func
+    def travelled(self):
+        """Way of the body towards the plate at the start of the step, m, for the samples."""
+        return self.displacement_before()
 
     @ti.func
     def velocities(self):

@@ -27,8 +27,7 @@ class Floor(SurfaceBody):
     def __init__(self, dynamics: Dynamics, scene: "Scene", time_step: float):
         super().__init__(dynamics, self.layout_of(dynamics, scene))
 
-    @classmethod
-    def layout_of(cls, dynamics: Dynamics, scene: "Scene") -> Layout:
+    def layout_of(self, dynamics: Dynamics, scene: "Scene") -> Layout:
         """The layout of the scene's floor."""
         table = scene.floor
         assert table is not None

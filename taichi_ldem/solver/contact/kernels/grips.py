@@ -52,8 +52,7 @@ class Grips(RigidBody):
             self.gauge = Gauge(dynamics, angle, scene.grips.gauge_length)
         self.start(scene, time_step)
 
-    @classmethod
-    def layout_of(cls, dynamics: Dynamics, scene: "Scene") -> Layout:
+    def layout_of(self, dynamics: Dynamics, scene: "Scene") -> Layout:
         """The layout of the scene's grips; the nodes within their length of either end."""
         table, angle = scene.grips, math.radians(scene.plate.angle)
         assert table is not None

@@ -86,8 +86,7 @@ class Rings(RigidBody):
         self.slip = layout.friction < math.inf
         super().__init__(dynamics, layout)
 
-    @classmethod
-    def layout_of(cls, dynamics: Dynamics, scene: "Scene") -> Layout:
+    def layout_of(self, dynamics: Dynamics, scene: "Scene") -> Layout:
         """The layout of the scene's clamp.
 
         Raises:

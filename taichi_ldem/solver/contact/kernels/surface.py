@@ -9,7 +9,6 @@ import taichi as ti
 from taichi_ldem.errors import SceneError
 from taichi_ldem.model.lattice import Lattice
 from taichi_ldem.solver.contact.kernels.body import CHUNK, SLACK, RigidBody
-from taichi_ldem.solver.contact.kernels.nearby import vec3d
 
 
 def list_capacity(lattice: Lattice, diameter: float, *, along_y: bool) -> int:
@@ -25,7 +24,13 @@ def list_capacity(lattice: Lattice, diameter: float, *, along_y: bool) -> int:
 
 
 def refuse_unseen(
-    lattice: Lattice, name: str, diameter: float, axes: Sequence[Sequence[float]], *, along_y: bool
+    lattice: Lattice,
+    name: str,
+    diameter: float,
+    axes: Sequence[Sequence[float]],
+    *,
+    along_y: bool,
+    ring: float = 0.0,
 ) -> None:
     """Refuse a body that fits between the nodes: it would go through the plate unseen.
 
@@ -37,6 +42,7 @@ def refuse_unseen(
         diameter: m.
         axes: (x, y) of each axis along z that is part of the body, m.
         along_y: whether the body is longer than the plate is wide, so that y does not count.
+        ring: radius of the circle around each axis along which the body extends, m.
 
     Raises:
         SceneError: no node lies within half the diameter of an axis.
@@ -46,7 +52,7 @@ def refuse_unseen(
     place = lattice.positions()[lattice.exists()]
     for axis in axes:
         away = place[:, :2] - axis
-        distance = np.abs(away[:, 0]) if along_y else np.hypot(away[:, 0], away[:, 1])
+        distance = np.abs(away[:, 0]) if along_y else np.abs(np.hypot(*away.T) - ring)
         if distance.min() > diameter / 2:
             raise SceneError(
                 f"{name}.diameter = {diameter:g}: there is no node of the plate in its way at "
@@ -114,15 +120,21 @@ class SurfaceBody(RigidBody):
         """
         s, k, j, i = self.site_of(number)
         slid = target - ti.cast(self.dynamics.node_displacement(now, s, k, j, i), ti.f64)
-        slid.z += displacement - self.displacement_before()  # a body moves towards -z
+        slid = self.seen_from(slid, displacement)
         return slid - slid.dot(normal) * normal
+
+    @ti.func
+    def seen_from(self, way, displacement):
+        """A way of this step as it is seen from the body, which moves to a displacement."""
+        way.z += displacement - self.displacement_before()  # a body moves towards -z
+        return way
 
     @ti.func
     def push_out(self, now, spacing, time_step, damping):
         """Put every node that is inside the body on its surface and store the works by chunks."""
         ti.loop_config(serialize=self.dynamics.on_cpu and self.touches_few)
         for chunk in range(self.turns()):
-            works = vec3d(0.0, 0.0, 0.0)
+            works = self.no_works()
             displacement = self.displacement_after(time_step)
             for number in range(chunk * CHUNK, self.chunk_end(chunk)):
                 s, k, j, i = self.site_of(number)

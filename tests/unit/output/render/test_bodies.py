@@ -20,7 +20,7 @@ def bodies(cracked, time, **changes):
     history = {"time_s": np.array([0.0, 1e-3]), "striker_displacement_m": np.array([0.0, 2e-3])}
     history["striker_force_n"] = np.array([300.0, 300.0])
     striker = scene.striker.model_copy(update=changes)
-    return bodies_at(scene.model_copy(update={"striker": striker}), history, time)
+    return bodies_at(scene.model_copy(update={"strikers": (striker,)}), history, time)
 
 
 @pytest.mark.parametrize(("shape", "across"), [("hemisphere", 12.7e-3), ("cylinder", 92.8e-3)])

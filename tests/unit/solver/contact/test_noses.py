@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from taichi_ldem.solver.contact.kernels.striker import Striker
     from taichi_ldem.solver.simulation import Simulation
 
-NAME = "flat"
+NAME = "punch"
 RADIUS, GAP, MASS, SPEED = 1.3e-3, 1e-6, 20e-6, 10.0
 PLACE = (0.3e-3, -0.2e-3)  # off the plate's middle, so that no symmetry hides a mistake
 MODULE_MASS = PMMA["density"] * SPACING**3
@@ -41,7 +41,7 @@ def punch(taichi: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator["S
     # the names that a scene may use were read from the package's own folder
     shaped = scene.striker.model_copy(update={"shape": NAME}) if scene.striker else None
     try:
-        yield Simulation(scene.model_copy(update={"striker": shaped}))
+        yield Simulation(scene.model_copy(update={"strikers": (shaped,)}))
     finally:
         noses.__path__.remove(str(folder))
         sys.modules.pop(f"{noses.__name__}.{NAME}", None)

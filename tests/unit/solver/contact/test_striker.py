@@ -3,7 +3,7 @@
 import pytest
 from support.blocks import block_scene
 
-from taichi_ldem.solver.contact.striker import STRIKER
+from taichi_ldem.solver.contact.striker import STRIKERS
 
 STRUCK = {"diameter": 0.4e-3, "mass": 1e-3, "velocity": 10.0, "gap": 1e-4}
 
@@ -29,4 +29,4 @@ def test_without_contact_the_reason_is_said(way: float, force: float, expected: 
         {"striker_displacement_m": way, "striker_force_n": force},
     ]
     lines = [] if expected is None else [f"the striker never touched the plate: {expected}"]
-    assert STRIKER.warnings(scene, rows) == lines
+    assert STRIKERS[0].warnings(scene, rows) == lines
