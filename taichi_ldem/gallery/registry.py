@@ -22,8 +22,10 @@ NAMES: tuple[str, ...] = (
     "kalthoff-winkler",
     "brazilian-disc",
     "bending",
+    "four-points",
     "ring",
     "radial-cracks",
+    "strength",
 )
 """Names of the problems; the file of ``a-b`` is ``problems/a_b.py``."""
 
