@@ -57,9 +57,9 @@ def _extent(simulation: "Simulation", folder: RunFolder) -> dict[str, Any]:
     place = np.empty((0, 3))
     if simulation.scene.material.damage and folder.fields_file.exists():
         place = read_broken_bars(folder.fields_file).position_m
-    if not len(place):
-        return {"crack_from_m": None, "crack_to_m": None}
+    ends = {"from": place.min(axis=0), "to": place.max(axis=0)} if len(place) else {}
     return {
-        "crack_from_m": place.min(axis=0).tolist(),
-        "crack_to_m": place.max(axis=0).tolist(),
+        f"crack_{end}_{axis}_m": float(ends[end][n]) if ends else None
+        for n, axis in enumerate("xyz")
+        for end in ("from", "to")
     }
