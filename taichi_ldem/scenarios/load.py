@@ -13,11 +13,14 @@ from taichi_ldem.storage.folder import RunFolder
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation
 
+ROUNDING = 1e-9
+"""Relative difference of two forces that counts as none."""
+
 
 def summary(simulation: "Simulation", history: History, folder: RunFolder) -> dict[str, Any]:
     """Peaks of the loads, onset of damage, energies and extent of the cracks; SI units.
 
-    A peak is the sample with the largest size of the force, with its sign. The cracked area is the
+    A peak is the first sample with the largest size of the force, with its sign. The cracked area is the
     fracture energy that was dissipated over G_f. The crack reaches from the least to the largest
     coordinates of the broken bars' mid-points at rest.
     """
@@ -44,11 +47,14 @@ def summary(simulation: "Simulation", history: History, folder: RunFolder) -> di
 
 def _peak(load: Load, history: History) -> dict[str, float]:
     """The largest force of a load, its time, and how far its nodes had moved then."""
-    at = max(history, key=lambda row: abs(row[f"{load.name}_force_n"]))
+    force, way = load.columns
+    largest = max(abs(row[force]) for row in history)
+    # the first of samples that differ by rounding alone, as under a constant load
+    at = next(row for row in history if abs(row[force]) >= (1 - ROUNDING) * largest)
     return {
-        f"{load.name}_peak_force_n": at[f"{load.name}_force_n"],
+        f"{load.name}_peak_force_n": at[force],
         f"{load.name}_peak_time_s": at["time_s"],
-        f"{load.name}_peak_displacement_m": at[f"{load.name}_displacement_m"],
+        f"{load.name}_peak_displacement_m": at[way],
     }
 
 

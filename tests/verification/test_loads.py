@@ -216,3 +216,26 @@ def test_a_restored_state_of_loads_goes_on_bitwise(built: "Simulation") -> None:
     again.append(built.sample_step())
     assert [vars(s) for s in again] == [vars(s) for s in samples[1:]]
     np.testing.assert_array_equal(built.displacement(), whole)
+
+
+@pytest.mark.slow  # its kernels are of their own
+def test_a_block_that_is_pressed_on_a_rough_floor_does_not_slide(taichi: None) -> None:
+    """Traction from above with a push from the side below the limit of friction."""
+    from taichi_ldem.solver.simulation import Simulation
+
+    pressure, section = 1e5, 24 * SPACING**2
+    smooth = {"course": "ramp", "ramp": 1e-4}
+    press = {"face": "+z", "traction": pressure, "direction": "-z"} | smooth
+    push = {"face": "-x", "force": 0.3 * pressure * section, "direction": "x"} | smooth
+    wanted = block_scene(6, 4, 2, load=[press, push], floor={"friction": 0.6})
+    simulation, samples = Simulation(wanted), []
+    for _ in range(40):
+        samples.append(simulation.sample_step())
+        simulation.guard(samples[-1])
+        simulation.advance(99)
+    assert max(sample.energy_error for sample in samples) < 1e-4
+    held = [s.observed["floor_force_n"] for s in samples if s.time > 1.5e-4]
+    assert np.mean(held) == pytest.approx(pressure * section, rel=1e-3)
+    moved = [s.observed["load2_displacement_m"] for s in samples if s.time > 1.5e-4]
+    assert np.ptp(moved) < 0.1 * np.mean(moved)
+    assert np.mean(moved) < 1e-3 * SPACING
