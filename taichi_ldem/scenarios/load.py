@@ -20,9 +20,9 @@ ROUNDING = 1e-9
 def summary(simulation: "Simulation", history: History, folder: RunFolder) -> dict[str, Any]:
     """Peaks of the loads, onset of damage, energies and extent of the cracks; SI units.
 
-    A peak is the first sample with the largest size of the force, with its sign. The cracked area is the
-    fracture energy that was dissipated over G_f. The crack reaches from the least to the largest
-    coordinates of the broken bars' mid-points at rest.
+    A peak is the first sample with the largest size of the force, with its sign. The cracked area
+    is the fracture energy that was dissipated over G_f. The crack reaches from the least to the
+    largest coordinates of the broken bars' mid-points at rest.
     """
     scene, last = simulation.scene, history[-1]
     onset, area = None, None

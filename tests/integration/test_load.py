@@ -1,4 +1,4 @@
-"""A plate under all kinds of loads from the command line: threads, a kill, the balance of energy."""
+"""A plate under all kinds of loads, from the command line: threads, a kill, energy."""
 
 import json
 import shutil
