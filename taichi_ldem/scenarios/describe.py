@@ -13,6 +13,7 @@ from taichi_ldem.model import crack_cost
 from taichi_ldem.model import material as mat
 from taichi_ldem.model.disorder import cv_from_shape, shape_of
 from taichi_ldem.scenarios import leave_out
+from taichi_ldem.scenarios.loads_in_words import loads_in_words
 from taichi_ldem.scenarios.resolution import unresolved
 from taichi_ldem.scene import Scene
 from taichi_ldem.scene.weibull import strength_by_volume
@@ -309,6 +310,7 @@ def describe(scene: Scene, measured: bool = False, fields: bool = False) -> Grou
         "steps": f"{simulation.steps:,}",
     }
     sizes = simulation.field_bytes()
+    rows |= loads_in_words(simulation)
     rows |= _disorder(scene, simulation.drawn)
     if scene.scenario == "modes":  # such a scene is not stepped in time
         del rows["time step"], rows["steps"]

@@ -13,13 +13,16 @@ from taichi_ldem.storage.folder import RunFolder
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation
 
+ROUNDING = 1e-9
+"""Relative difference of two forces that counts as none."""
+
 
 def summary(simulation: "Simulation", history: History, folder: RunFolder) -> dict[str, Any]:
     """Peaks of the loads, onset of damage, energies and extent of the cracks; SI units.
 
-    A peak is the sample with the largest size of the force, with its sign. The cracked area is the
-    fracture energy that was dissipated over G_f. The crack reaches from the least to the largest
-    coordinates of the broken bars' mid-points at rest.
+    A peak is the first sample with the largest size of the force, with its sign. The cracked area
+    is the fracture energy that was dissipated over G_f. The crack reaches from the least to the
+    largest coordinates of the broken bars' mid-points at rest.
     """
     scene, last = simulation.scene, history[-1]
     onset, area = None, None
@@ -44,11 +47,14 @@ def summary(simulation: "Simulation", history: History, folder: RunFolder) -> di
 
 def _peak(load: Load, history: History) -> dict[str, float]:
     """The largest force of a load, its time, and how far its nodes had moved then."""
-    at = max(history, key=lambda row: abs(row[f"{load.name}_force_n"]))
+    force, way = load.columns
+    largest = max(abs(row[force]) for row in history)
+    # the first of samples that differ by rounding alone, as under a constant load
+    at = next(row for row in history if abs(row[force]) >= (1 - ROUNDING) * largest)
     return {
-        f"{load.name}_peak_force_n": at[f"{load.name}_force_n"],
+        f"{load.name}_peak_force_n": at[force],
         f"{load.name}_peak_time_s": at["time_s"],
-        f"{load.name}_peak_displacement_m": at[f"{load.name}_displacement_m"],
+        f"{load.name}_peak_displacement_m": at[way],
     }
 
 
@@ -57,9 +63,9 @@ def _extent(simulation: "Simulation", folder: RunFolder) -> dict[str, Any]:
     place = np.empty((0, 3))
     if simulation.scene.material.damage and folder.fields_file.exists():
         place = read_broken_bars(folder.fields_file).position_m
-    if not len(place):
-        return {"crack_from_m": None, "crack_to_m": None}
+    ends = {"from": place.min(axis=0), "to": place.max(axis=0)} if len(place) else {}
     return {
-        "crack_from_m": place.min(axis=0).tolist(),
-        "crack_to_m": place.max(axis=0).tolist(),
+        f"crack_{end}_{axis}_m": float(ends[end][n]) if ends else None
+        for n, axis in enumerate("xyz")
+        for end in ("from", "to")
     }

@@ -112,6 +112,11 @@ class Load(Table):
     )
 
     @property
+    def columns(self) -> tuple[str, str]:
+        """Names of its columns of the history: resultant and mean displacement."""
+        return f"{self.name}_force_n", f"{self.name}_displacement_m"
+
+    @property
     def kind(self) -> str:
         """The key that says what is prescribed."""
         return next(kind for kind in KINDS if getattr(self, kind) is not None)

@@ -28,7 +28,7 @@ def loads(run: LoadedRun) -> tuple[Panel, ...]:
     elements: list[Element] = [
         Curve(
             run.time_ms,
-            run.history[f"{load.name}_force_n"],
+            run.history[load.columns[0]],
             f"{load.name}, along its direction",
             _COLOURS[number % len(_COLOURS)],
         )

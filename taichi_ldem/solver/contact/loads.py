@@ -20,21 +20,13 @@ class Loads(Body):
 
     def observables_in(self, scene: Scene) -> tuple[Observable, ...]:
         """Resultant and mean displacement of each load."""
-        return tuple(
-            observable
-            for load in scene.loads
-            for observable in (
-                Observable(
-                    f"{load.name}_force_n", f"force of {load.name}", "N", "along its direction"
-                ),
-                Observable(
-                    f"{load.name}_displacement_m",
-                    f"mean displacement of {load.name}",
-                    "m",
-                    "along its direction",
-                ),
-            )
-        )
+        found = []
+        for load in scene.loads:
+            force, way = load.columns
+            along = "along its direction"
+            found.append(Observable(force, f"force of {load.name}", "N", along))
+            found.append(Observable(way, f"mean displacement of {load.name}", "m", along))
+        return tuple(found)
 
     def table(self, scene: Scene) -> tuple[Table, ...] | None:
         """The tables [[load]]."""

@@ -28,7 +28,10 @@ def test_everything_leaves_out_only_what_a_plate_cannot_have(file: Path) -> None
         "grips and gauge",
         "support contact",
         "floor contact",
+        "loads",
         "contact of pieces",  # only where a scene has it
+        "motion and strain at the start",
+        "probes",
     ]
 
 
@@ -49,7 +52,7 @@ def test_pieces_touch_in_everything_only_where_the_scene_lets_them() -> None:
     fragments = SimpleNamespace(kernel_names=lambda: ["contact: a", "pairs near: a"])
     features = SimpleNamespace(damage=False, crack=False, weakening=False)
     dynamics = SimpleNamespace(features=features, in_strips=True)
-    simulation = SimpleNamespace(dynamics=dynamics, bodies=[], fragments=fragments)
+    simulation = SimpleNamespace(dynamics=dynamics, bodies=[], fragments=fragments, scene=scene)
     assert len(kernels(simulation)) == 2 + added  # type: ignore[arg-type]
 
 
@@ -57,14 +60,18 @@ def test_kernels_are_those_of_the_features() -> None:
     def body(*names: str) -> SimpleNamespace:
         return SimpleNamespace(kernel_names=lambda: list(names))
 
-    def of(damage: bool, *bodies: SimpleNamespace, crack: bool = False) -> list[str]:
+    def of(
+        damage: bool, *bodies: SimpleNamespace, crack: bool = False, probes: bool = False
+    ) -> list[str]:
         features = SimpleNamespace(damage=damage, crack=crack, weakening=False)
         dynamics = SimpleNamespace(features=features, in_strips=True)
-        simulation = SimpleNamespace(dynamics=dynamics, bodies=bodies, fragments=None)
+        scene = SimpleNamespace(probes=probes)
+        simulation = SimpleNamespace(dynamics=dynamics, bodies=bodies, fragments=None, scene=scene)
         return kernels(simulation)  # type: ignore[arg-type]
 
     assert of(False) == ["step", "energies"]
     assert of(True) == ["step", "energies", "broken bars"]
+    assert of(False, probes=True) == ["step", "energies", "probes"]
     assert of(True, crack=True) == ["step", "energies", "broken bars", "damage before the step"]
     assert of(False, body("contact: a", "nodes near: a"), body("b"))[2:] == [
         "contact: a",

@@ -80,19 +80,33 @@ class Loads(RigidBody):
             for load in scene.loads
             for number in (load.value, *load.unit, KINDS[load.kind], load.lateral == "held")
         ]
-        names = tuple(str(load.name) for load in scene.loads)
-        kind = names, len(found.which), points_of(scene.loads)
+        kind = f"{len(scene.loads)} loads"
         return Layout(numbers, len(found.nodes), kind, found.nodes)
 
     def start(self, scene: "Scene", time_step: float) -> None:
-        """Begin at t = 0."""
-        self.found = LoadNodes.of(self.dynamics.lattice, self.dynamics.masses(), scene.loads)
+        """Begin at t = 0.
+
+        Raises:
+            ValueError: the scene's loads need larger fields.
+        """
+        found = LoadNodes.of(self.dynamics.lattice, self.dynamics.masses(), scene.loads)
+        for size, field in (
+            (found.which.size, self.which),
+            (points_of(scene.loads), self.courses.times),
+        ):
+            if size > field.shape[0]:
+                raise ValueError(f"loads: need {size} places, and were built for {field.shape[0]}")
+        self.found = found
+        self.columns = tuple(column for load in scene.loads for column in load.columns)
         self.courses.set(scene.loads)
         self.units = np.array([load.unit for load in scene.loads])
         self.time_step = time_step
-        self.first.from_numpy(self.found.first)
-        self.which.from_numpy(self.found.which)
-        self.shares.from_numpy(self.found.shares)
+        for field, values in (
+            (self.first, found.first),
+            (self.which, found.which),
+            (self.shares, found.shares),
+        ):
+            field.from_numpy(np.resize(values, field.shape))
         self.seen = np.zeros(1 + self.loads)
         for field in (self.state, self.home, self.tally):
             field.fill(0)
@@ -184,17 +198,14 @@ class Loads(RigidBody):
     @ti.func
     def drive_at(self, n, time, time_step):
         """The ``drive`` of load n in a step that begins at a time (s)."""
-        value, kind = self.number(n, VALUE), int(self.number(n, KIND))
-        factor, integral = self.courses.at(n, time)
-        factor_after, integral_after = self.courses.at(n, time + time_step)
-        driven = vec3d(value * factor, 0.0, 0.0)
-        if kind == VELOCITY:
-            driven.y, driven.z = integral_after, (integral_after - integral) / time_step
-        elif kind == DISPLACEMENT:
-            driven.y, driven.z = factor_after, (factor_after - factor) / time_step
-        driven.y *= value
-        driven.z *= value
-        return driven
+        value, moves = self.number(n, VALUE), int(self.number(n, KIND)) == VELOCITY
+        factor, way, before = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
+        for end in range(2):  # a loop, so that the course is compiled once
+            now, integral = self.courses.at(n, time + end * time_step)
+            before, way = way, ti.select(moves, integral, now)
+            if end == 0:
+                factor = now
+        return value * vec3d(factor, way, (way - before) / time_step)
 
     @ti.func
     def act_first(self, now, time_step, damping):
