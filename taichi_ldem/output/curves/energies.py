@@ -62,19 +62,30 @@ def energy(run: LoadedRun) -> tuple[Panel, ...]:
 
 
 def _given(run: LoadedRun) -> Iterator[Curve]:
-    """The energy that the plate had or was given: by the striker, gravity or the grips."""
+    """The energy that the plate had or was given: by strikers, gravity or the grips."""
     history, given = run.history, {}
     if any(run.scene.plate.velocity or ()):
         given["plate at the start"] = np.full(run.rows, history["kinetic_plate_j"][0])
-    if "kinetic_striker_j" in history:
-        kinetic = history["kinetic_striker_j"]
-        given["given up by the striker"] = kinetic[0] - kinetic
+    columns = [c for c in history if c.startswith("kinetic_striker")]
+    if columns:
+        kinetic = np.sum([history[c] for c in columns], axis=0)
+        by = "striker" if len(columns) == 1 else "strikers"
+        given[f"given up by the {by}"] = kinetic[0] - kinetic
     if "external_j" in history:
-        by = "grips" if run.scene.grips is not None else "gravity"
-        given[f"work of {by}"] = history["external_j"]
+        given[f"work of {_worker(run)}"] = history["external_j"]
     if given:
         total = np.sum(list(given.values()), axis=0)
         yield Curve(run.time_ms, total, " + ".join(given), GREY, dash="dash")
+
+
+def _worker(run: LoadedRun) -> str:
+    """What does work from outside."""
+    scene = run.scene
+    driven = any(striker.is_prescribed for striker in scene.strikers)
+    falls = scene.plate.falls or any(striker.gravity for striker in scene.strikers)
+    if scene.grips is not None:
+        return "grips"
+    return " and ".join(["gravity"] * falls + ["indenter"] * driven) or "gravity"
 
 
 def _received(run: LoadedRun) -> Iterator[Curve]:

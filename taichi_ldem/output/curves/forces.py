@@ -92,7 +92,7 @@ def _other_bodies(run: LoadedRun) -> list[Curve]:
     """Averaged forces of all rigid bodies but the striker that the history has."""
     names = [c for c in run.history if c.endswith(_FORCE) and c != "striker_force_n"]
     curves = []
-    plural = {o.column: body.name for body in BODIES for o in body.observables}
+    plural = {o.column: b.name for b in BODIES for o in b.observables_in(run.scene)}
     for number, name in enumerate(names):
         sign = f", positive {positive}" if (positive := named(name).positive) else ""
         label = f"{plural[name]}, {_average(run)}{sign}"
