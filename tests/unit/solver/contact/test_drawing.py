@@ -78,6 +78,8 @@ def test_columns_of_strikers_are_those_that_the_scene_needs() -> None:
     ]
     assert not [name for name in one if "striker2" in name or "_x_" in name]
     free = HIT | {"guided": False, "position": [1e-3, 0.0]}
+    alone = columns(block_scene(12, 12, 3, striker=free))
+    assert {"striker_displacement_x_m", "striker_velocity_x_m_s", "striker_force_x_n"} < set(alone)
     two = columns(block_scene(12, 12, 3, striker=[HIT, free]))
     assert set(one) < set(two)
     assert "striker2_force_x_n" in two
