@@ -206,14 +206,18 @@ SUPPORTS = {
     "ring": {"kind": "ring", "ring_diameter": 2.6e-3},
     "balls": {"kind": "balls", "count": 3, "circle_diameter": 3e-3},
 }
+NOSES = {
+    "ring": {"shape": "ring", "diameter": 0.6e-3, "ring_diameter": 1.4e-3},
+    "balls": {"shape": "ogive", "diameter": 1.2e-3, "nose_radius": 1.5e-3},
+}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", SUPPORTS)
-def test_supports_hold_a_plate_that_a_ring_presses_on_them(taichi: None, kind: str) -> None:
-    ring = {"shape": "ring", "diameter": 0.6e-3, "ring_diameter": 1.4e-3, "velocity": 3.0}
+def test_supports_hold_a_plate_that_is_pressed_on_them(taichi: None, kind: str) -> None:
+    """A ring on a ring, and an ogive on three balls."""
     supports = SUPPORTS[kind] | {"diameter": 1e-3}
-    striker = ring | {"motion": "prescribed"}
+    striker = NOSES[kind] | {"motion": "prescribed", "velocity": 3.0}
     pressed = Watched(block_scene(8, 8, 3, striker=striker, supports=supports), 200)
     assert pressed.error < 1e-3
     assert pressed.column("striker_force_n").max() > 1
