@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from taichi_ldem.scene import TABLES
@@ -131,7 +131,7 @@ NUMBERS: dict[str, Number] = {
     "pieces_elastic_j": Number("energy stored where pieces touch", "J"),
     "pieces_friction_j": Number("lost by friction of pieces", "J"),
     "notch_j": Number("taken by notches that opened", "J"),
-    "external_j": Number("work of gravity, grips or loads", "J"),
+    "external_j": Number("work of gravity, grips, loads or an indenter", "J"),
     "energy_error": Number("energy error, of the initial energy", "%", 100.0),
     "energy_error_of_plate": Number("energy error, of what the plate was given", "%", 100.0),
     "wall_s": Number("time of stepping", "s"),
@@ -176,6 +176,9 @@ def named(key: str) -> Number:
         return Number(key, unit_of(key))
     if key in NUMBERS:
         return NUMBERS[key]
+    if (further := re.match(r"(.*striker)(\d+)(_.*)", key)) is not None:
+        first = named(further[1] + further[3])
+        return replace(first, label=first.label.replace("striker", f"striker {further[2]}"))
     ending, unit = next((item for item in _ENDINGS.items() if key.endswith(item[0])), ("", ""))
     return Number(key.removesuffix(ending).replace("_", " "), unit)
 

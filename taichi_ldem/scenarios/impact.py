@@ -1,5 +1,6 @@
 """The falling-weight test: its numbers (Sections 3.1 and 5.2 of the paper)."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -52,8 +53,21 @@ def summary(simulation: "Simulation", history: History, folder: RunFolder) -> di
         "striker_velocity_end_m_s": last["striker_velocity_m_s"],
         "contact_striker_j": simulation.contact_loss("striker"),
         "contact_rings_j": simulation.contact_loss("rings"),
+        **_further_bodies(simulation, last),
         **_measured(folder),
     }
+
+
+def _further_bodies(simulation: "Simulation", last: Mapping[str, Any]) -> dict[str, Any]:
+    """The numbers of strikers after the first, and of supports; nothing where there are none."""
+    found = {}
+    for number in range(2, len(simulation.scene.strikers) + 1):
+        name = f"striker{number}"
+        found[f"{name}_velocity_end_m_s"] = last[f"{name}_velocity_m_s"]
+        found[f"contact_{name}_j"] = simulation.contact_loss(name)
+    if simulation.scene.supports is not None:
+        found["contact_supports_j"] = simulation.contact_loss("supports")
+    return found
 
 
 def _measured(folder: RunFolder) -> dict[str, Any]:

@@ -63,14 +63,16 @@ def energy(run: LoadedRun) -> tuple[Panel, ...]:
 
 
 def _given(run: LoadedRun) -> Iterator[Curve]:
-    """The energy that the plate had or was given: by the striker, gravity, grips or loads."""
+    """The energy that the plate had or was given: by strikers, gravity, grips or loads."""
     history, given = run.history, {}
     if any(run.scene.plate.velocity or ()) or run.scene.start is not None:
         held = history["kinetic_plate_j"][0] + history["strain_j"][0]
         given["plate at the start"] = np.full(run.rows, held)
-    if "kinetic_striker_j" in history:
-        kinetic = history["kinetic_striker_j"]
-        given["given up by the striker"] = kinetic[0] - kinetic
+    columns = [c for c in history if c.startswith("kinetic_striker")]
+    if columns:
+        kinetic = np.sum([history[c] for c in columns], axis=0)
+        by = "striker" if len(columns) == 1 else "strikers"
+        given[f"given up by the {by}"] = kinetic[0] - kinetic
     if "external_j" in history:
         given[f"work of {_worker(run)}"] = history["external_j"]
     if given:
@@ -79,12 +81,13 @@ def _given(run: LoadedRun) -> Iterator[Curve]:
 
 
 def _worker(run: LoadedRun) -> str:
-    """What does the work from outside."""
+    """What does work from outside."""
     scene = run.scene
     by = {
         "grips": scene.grips is not None,
         "loads": bool(scene.loads),
-        "gravity": scene.plate.falls or bool(scene.striker and scene.striker.gravity),
+        "gravity": scene.plate.falls or any(striker.gravity for striker in scene.strikers),
+        "indenter": any(striker.is_prescribed for striker in scene.strikers),
     }
     return " and ".join(name for name, works in by.items() if works)
 

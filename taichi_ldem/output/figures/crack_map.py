@@ -145,7 +145,7 @@ def _draw_supports(axes: Axes, scene: Scene) -> None:
     """A beam's edge and notch, and the rigid bodies at the start, from the side."""
     from matplotlib.patches import Circle, Rectangle
 
-    supports, striker = scene.supports, scene.striker
+    supports = scene.supports
     assert supports is not None
     length, _, height = (_MM * side for side in scene.plate.actual_size)
     edge: dict[str, Any] = {"fill": False, "edgecolor": "black", "linewidth": 1.5}
@@ -155,11 +155,11 @@ def _draw_supports(axes: Axes, scene: Scene) -> None:
     for side in (-1, 1):
         axes.add_patch(Circle((side * _MM * supports.across / 2, -radius), radius, **body))
     top = height
-    if striker is not None:
+    for striker in scene.strikers:
         radius = _MM * striker.diameter / 2
         place = _MM * striker.position[0], height + _MM * striker.gap + radius
         axes.add_patch(Circle(place, radius, **body))
-        top = place[1] + radius
+        top = max(top, place[1] + radius)
     for notch in scene.notch:
         if notch.normal == "x":
             z = np.clip(_MM * np.array(notch.bounds[1]), 0.0, height)

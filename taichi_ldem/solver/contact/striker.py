@@ -33,12 +33,13 @@ class Striker(Body):
         self.name = name = f"striker{number + 1}" if number else "striker"
         self.words = f"striker {number + 1}" if number else "striker"
         self.absent = "" if number else "striker contact (no [striker])"
-        self.force: str = f"{name}_force_n"
+        self.felt = f"{name}_force_n"  # column of the force on it
+        self.force = None if number else self.felt  # progress shows that of the first
         words, towards = self.words, "towards the plate"
         self.observables = (
             Observable(f"{name}_displacement_m", f"{words} displacement", "m", towards),
             Observable(f"{name}_velocity_m_s", f"{words} velocity", "m/s", towards),
-            Observable(self.force, f"force on the {words}", "N", "against its motion"),
+            Observable(self.felt, f"force on the {words}", "N", "against its motion"),
             Observable(f"kinetic_{name}_j", f"kinetic energy of the {words}", "J", energy=True),
         )
 
@@ -95,7 +96,7 @@ class Striker(Body):
     def warnings(self, scene: Scene, history: list[dict[str, Any]]) -> list[str]:
         """A line where the striker has never touched the plate, with the reason."""
         striker = self.table(scene)
-        if striker is None or any(row[self.force] for row in history):
+        if striker is None or any(row[self.felt] for row in history):
             return []
         key = "striker" if len(scene.strikers) == 1 else f"striker[{self.number}]"
         way = max(row[f"{self.name}_displacement_m"] for row in history)
@@ -126,11 +127,11 @@ class Striker(Body):
         _, width, thickness = scene.plate.actual_size
         tip = thickness + table.gap - at("displacement_m")
         sideways = at("displacement_x_m"), at("displacement_y_m"), 0.0
-        sampled = np.asarray(history[self.force], dtype=float)
+        sampled = np.asarray(history[self.felt], dtype=float)
         force = smooth_force(times, sampled, smoothing_window(scene))
-        felt = abs(round(float(np.interp(time, times, force))))
+        size = abs(round(float(np.interp(time, times, force))))
         return Drawing(
-            f"blue: the {self.words}, force on it {felt:.0f} N",
+            f"blue: the {self.words}, force on it {size:.0f} N",
             striker_faces(table, width, tip) + np.array(sideways),
         )
 

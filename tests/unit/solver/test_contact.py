@@ -258,8 +258,8 @@ def test_a_checkpoint_from_before_there_was_a_floor_is_taken(pressed: "Simulatio
     pressed.sample_step()
     saved = pressed.saved_state()
     whole = pressed.sampler.impulses
-    assert list(whole)[-1] == "floor"
-    pressed.restore_state(saved | {"ledger/impulses": saved["ledger/impulses"][:-1]})
+    assert list(whole)[4] == "floor"
+    pressed.restore_state(saved | {"ledger/impulses": saved["ledger/impulses"][:4]})
     assert pressed.sampler.impulses == whole
     assert whole["striker"] != 0
 
