@@ -17,7 +17,7 @@ from taichi_ldem.scene.scene import (
     parse_scene_text,
     scene_to_toml,
 )
-from taichi_ldem.scene.specimen import Hole, Notch, Plate
+from taichi_ldem.scene.specimen import FILES, Hole, Notch, Plate
 from taichi_ldem.scene.tables import (
     DISORDERED,
     LARGEST_CV,
@@ -31,6 +31,7 @@ from taichi_ldem.scene.tables import (
 
 __all__ = [
     "DISORDERED",
+    "FILES",
     "LARGEST_CV",
     "LAW_NAMES",
     "NATURAL",
