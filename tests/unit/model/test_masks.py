@@ -2,7 +2,6 @@
 
 import io
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -122,13 +121,8 @@ def test_an_stl_body_fills_the_plate_s_box(tmp_path: Path) -> None:
         outlines.body(_scene(file, "stl", (12, 8, 2)))
 
 
-@pytest.fixture
-def without_trimesh(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def test_a_missing_package_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "trimesh", None)
-    yield
-
-
-def test_a_missing_package_is_named(tmp_path: Path, without_trimesh: None) -> None:
     (tmp_path / "box.stl").write_bytes(_stl(_box(0.0, 1.0)))
     with pytest.raises(SceneError, match=r"pip install taichi_ldem\[stl\]"):
         outlines.body(_scene(tmp_path / "box.stl", "stl", (4, 4, 4)))
