@@ -29,6 +29,7 @@ class Openings:
     Attributes:
         times: of the openings, in rising order, s.
         cuts: bars that each removes, one bit a bar.
+        at_start: the field of removed bars at the start; only where notches open.
         taken: energy that each took, J.
         done: number of openings so far.
     """
@@ -40,6 +41,7 @@ class Openings:
         self.times = sorted({notch.opens_at for notch in scene.notch if notch.opens_at > 0})
         self.cuts: list[npt.NDArray[np.uint16]] = []
         if self.times:
+            self.at_start = dynamics.removed.to_numpy()
             cuts = list(notch_cuts(scene, dynamics.lattice))
             for time in self.times:
                 together = [
@@ -114,5 +116,6 @@ class Openings:
         self.taken, self.done = saved["taken"].copy(), int(saved["done"])
         if not 0 <= self.done <= len(self.times):
             raise ValueError("'openings' are not of this scene")
+        self.dynamics.removed.from_numpy(self.at_start)
         for number in range(self.done):
             self._cut(number)

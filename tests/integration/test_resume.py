@@ -48,7 +48,9 @@ scene = block_scene(
     floor={"gap": 1e-5, "friction": 0.4},
     solver={"duration": 1.2e-4, "precision": precision, "damping": damping, "threads": 1},
     output={"history_interval": 2e-6},
-    notch=[{"normal": "x", "position": 1e-3, "from": [-4e-3, 0], "to": [-2e-3, 1e-3]}],
+    notch=[{"normal": "x", "position": 1e-3, "from": [-4e-3, 0], "to": [-2e-3, 1e-3]},
+           {"centre": [-5e-4, 5e-4, 2e-4], "diameter": 2e-3, "direction": [1, 1, 0.2],
+            "time": 5e-5}],
 )
 backend.start(scene.solver)
 from taichi_ldem.solver.simulation import Simulation
@@ -82,6 +84,7 @@ whole = end(simulation)
 assert broken[-1] > 20 and force[1] == 0 and max(force) > 1, (broken, force)
 assert floor[0] == 0 and max(floor) > 1, floor
 assert max(errors) < 5e-3
+assert simulation.openings.energy > 0
 
 kinds = set()
 simulation.reset(scene)  # instead of a second simulation, which would compile all kernels again
