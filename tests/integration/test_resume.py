@@ -7,12 +7,11 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import h5py
 import pytest
-from support.command import COMMAND, SCENE, WITHOUT_VULKAN, ldem
+from support.command import SCENE, cut_off, ldem
 from support.paths import CONFIGS, ROOT
 
 from taichi_ldem.errors import SceneError
@@ -137,32 +136,13 @@ def whole(scene: Path) -> RunFolder:
     return RunFolder.open(scene.parent / "whole")
 
 
-def _cut_off(scene: Path, out: Path, rows: int, number: signal.Signals) -> tuple[int, str]:
-    """Start a run, send a signal after so many rows; its exit code and what it said."""
-    process = subprocess.Popen(
-        [*COMMAND, "impact", str(scene), "--out", str(out), "--quiet"],
-        stderr=subprocess.PIPE,
-        text=True,
-        env=WITHOUT_VULKAN,
-    )
-    history = out / "history.csv"
-    deadline = time.monotonic() + 100
-    while time.monotonic() < deadline:
-        if history.exists() and history.read_bytes().count(b"\n") > rows:
-            break
-        time.sleep(0.002)
-    process.send_signal(number)
-    _, errors = process.communicate(timeout=100)
-    return process.returncode, errors
-
-
 @pytest.fixture(scope="module")
 def cut(scene: Path, whole: RunFolder) -> Path:
     """A run killed while the plate cracks, with two checkpoints; tests take copies of it."""
     out = scene.parent / "cut"
     for rows in range(25, 0, -4):  # a machine that is faster than the signal gets another try
         shutil.rmtree(out, ignore_errors=True)
-        code, _ = _cut_off(scene, out, rows, signal.SIGKILL)
+        code, _ = cut_off(scene, out, rows, signal.SIGKILL)
         if code == -signal.SIGKILL and (out / cp.PREVIOUS).exists():
             return out
     raise AssertionError("the run was never caught")
@@ -189,7 +169,7 @@ def test_a_killed_run_is_resumed_bitwise(copy: Path, whole: RunFolder) -> None:
 @pytest.mark.slow
 def test_sigterm_leaves_a_checkpoint_of_its_own(scene: Path, whole: RunFolder) -> None:
     out = scene.parent / "terminated"
-    code, errors = _cut_off(scene, out, 10, signal.SIGTERM)
+    code, errors = cut_off(scene, out, 10, signal.SIGTERM)
     assert code == 143
     (line,) = errors.splitlines()
     assert line.startswith("terminated at t = ")
