@@ -6,8 +6,8 @@ The strip is pulled along x at its ends. The lattice is solved at rest, with sma
 the free edge of the hole the stress is uniaxial, so it is E times the strain along the edge; where
 the hole is widest, that is the strain of the bars along x. Stresses are divided by the force over
 the strip's whole section. The reference is R. C. J. Howland's (1930) in the form of Peterson's
-Stress Concentration Factors: K_n = 2 + 0.284 a - 0.600 a^2 + 1.32 a^3 on the net section, with a = 1
-- d / W; in a wide plate it is Kirsch's 3.
+Stress Concentration Factors: K_n = 2 + 0.284 a - 0.600 a^2 + 1.32 a^3 on the net section, with a =
+1 - d / W; in a wide plate it is Kirsch's 3.
 """
 
 from argparse import ArgumentParser
