@@ -1,7 +1,7 @@
 """Where a clamp begins on the lattice: the first frequency of a clamped plate by ``clamp.edge``.
 
     python -m studies.clamp_edge configs/modes.toml [--modules 3 4 6] [--edges 0 0.5]
-        [--refine 2 3] [--set KEY=VALUE ...]
+        [--refine 2 3 | --reference HZ] [--set KEY=VALUE ...]
 
 A clamp between circles holds nodes of a square lattice, so its edge is a staircase. With
 ``clamp.edge = "node"`` it holds the nodes between the circles; with "unbiased", those up to half a
@@ -11,8 +11,9 @@ reference is that of finite elements with the exact circle, on two meshes.
 
 import time
 from argparse import ArgumentParser
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -20,19 +21,12 @@ import numpy.typing as npt
 from studies.frequencies import order
 from taichi_ldem.scene import Scene, load_scene
 
-
-def frequency(scene: Scene, fixed: npt.NDArray[np.int32]) -> float:
-    """Lowest frequency of a scene's plate with some nodes fixed, Hz; Taichi must run."""
-    from taichi_ldem.scenarios.modes import build
-    from taichi_ldem.solver import eigen
-
-    dynamics, _ = build(scene)
-    return float(eigen.lowest(eigen.TangentOperator(dynamics, fixed), 1).frequencies[0])
+if TYPE_CHECKING:
+    from taichi_ldem.solver.dynamics import Dynamics
 
 
-def held(scene: Scene, edge: float) -> npt.NDArray[np.int32]:
+def held(scene: Scene, dynamics: "Dynamics", edge: float) -> npt.NDArray[np.int32]:
     """Nodes of a scene's clamp whose circles are wider by a part of a module on both sides."""
-    from taichi_ldem.scenarios.modes import build
     from taichi_ldem.solver.contact.kernels.rings import fixed_nodes
 
     clamp, beyond = scene.clamp, edge * scene.plate.spacing
@@ -41,7 +35,18 @@ def held(scene: Scene, edge: float) -> npt.NDArray[np.int32]:
     through = clamp.kind == "rim"
     outer = np.inf if through or clamp.outer_diameter is None else clamp.outer_diameter / 2
     numbers = (clamp.inner_diameter / 2 - beyond, outer + beyond, scene.plate.size[2])
-    return fixed_nodes(build(scene)[0], numbers, through=through)
+    return fixed_nodes(dynamics, numbers, through=through)
+
+
+def frequencies(scene: Scene, edges: Sequence[float]) -> Iterator[tuple[float, float]]:
+    """Lowest frequency of a scene's plate for each edge of its clamp, Hz; Taichi must run."""
+    from taichi_ldem.scenarios.modes import build
+    from taichi_ldem.solver import eigen
+
+    dynamics, _ = build(scene)
+    for edge in edges:
+        operator = eigen.TangentOperator(dynamics, held(scene, dynamics, edge))
+        yield edge, float(eigen.lowest(operator, 1).frequencies[0])
 
 
 def reference(scene: Scene, refine: int) -> float:
@@ -70,10 +75,13 @@ def main() -> None:
     parser.add_argument("--modules", type=int, nargs="+", default=[3, 4, 6])
     parser.add_argument("--edges", type=float, nargs="+", default=[0.0, 0.5], metavar="MODULES")
     parser.add_argument("--refine", type=int, nargs="+", default=[2, 3], help="meshes, finest last")
+    parser.add_argument("--reference", type=float, metavar="HZ", help="instead of finite elements")
     parser.add_argument("--set", action="append", default=[], dest="settings", metavar="KEY=VALUE")
     options = parser.parse_args()
     base = load_scene(options.scene, options.settings)
-    exact = [reference(base, refine) for refine in options.refine]
+    exact = [options.reference]
+    if options.reference is None:
+        exact = [reference(base, refine) for refine in options.refine]
     print(f"finite elements: {', '.join(f'{value:.2f}' for value in exact)} Hz", flush=True)
     from taichi_ldem.solver import backend
 
@@ -81,9 +89,8 @@ def main() -> None:
     errors: dict[float, dict[int, float]] = {edge: {} for edge in options.edges}
     for n in options.modules:
         scene = base.changed(f"plate.modules_through_thickness={n}")
-        for edge in options.edges:
-            begun = time.perf_counter()
-            value = frequency(scene, held(scene, edge))
+        begun = time.perf_counter()
+        for edge, value in frequencies(scene, options.edges):
             errors[edge][n] = value / exact[-1] - 1
             seconds = time.perf_counter() - begun
             print(

@@ -12,7 +12,7 @@ from rich.text import Text
 from taichi_ldem.model import crack_cost
 from taichi_ldem.model import material as mat
 from taichi_ldem.model.disorder import cv_from_shape, shape_of
-from taichi_ldem.scenarios import leave_out
+from taichi_ldem.scenarios import describe_cuts, leave_out
 from taichi_ldem.scenarios.loads_in_words import loads_in_words
 from taichi_ldem.scenarios.resolution import unresolved
 from taichi_ldem.scene import Scene
@@ -112,7 +112,7 @@ def warnings(scene: Scene, steps: int | None = None) -> list[str]:
         steps: number of steps of the run; None: it is estimated.
     """
     plate, m = scene.plate, scene.material
-    lines = [*_slips(scene, steps), *unresolved(scene)]
+    lines = [*_slips(scene, steps), *unresolved(scene), *describe_cuts.remarks(scene)]
     c11, c12, c44 = mat.elastic_constants(m.youngs_modulus, m.poisson_ratio, plate.stiffness)
     anisotropy = 2 * c44 / (c11 - c12)
     rough = not 0.2 <= m.poisson_ratio <= 0.3 and plate.stiffness != "volumetric"
@@ -222,6 +222,8 @@ def _steps(scene: Scene) -> float:
 def left_out(scene: Scene) -> list[str]:
     """What the scene does not have, and why: neither allocated nor compiled."""
     contacts = [c.absent for c in CONTACTS if c.absent and c.table(scene) is None]
+    if not any(notch.time for notch in scene.notch):
+        contacts.append("notches that open during the run (no notch.time)")
     smooth = [line for body in BODIES if (line := body.without_friction(scene))]
     absent = {
         "motion and strain at the start (no [start])": scene.start is None,
@@ -311,6 +313,7 @@ def describe(scene: Scene, measured: bool = False, fields: bool = False) -> Grou
     }
     sizes = simulation.field_bytes()
     rows |= loads_in_words(simulation)
+    rows |= describe_cuts.rows(scene, lattice)
     rows |= _disorder(scene, simulation.drawn)
     if scene.scenario == "modes":  # such a scene is not stepped in time
         del rows["time step"], rows["steps"]

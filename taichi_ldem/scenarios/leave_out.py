@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taichi_ldem.scene import Scene, load_scene, parse_scene, scene_to_toml
+from taichi_ldem.scene import FILES, Scene, load_scene, parse_scene, scene_to_toml
 from taichi_ldem.solver.contact import FRAGMENTS
 from taichi_ldem.solver.fields import tables_of_all_features
 
@@ -47,10 +47,10 @@ def everything(scene: Scene) -> Scene:
     plate, material = data["plate"], data["material"]
     plate["angle"] = 0
     width = scene.plate.diameter or min(scene.plate.actual_size[:2])
-    if plate["shape"] == "dumbbell":
+    if plate["shape"] != "disc":
         plate["shape"] = "rectangle"
-        for key in ("narrow_width", "narrow_length", "fillet_radius"):
-            del plate[key]
+        for key in ("narrow_width", "narrow_length", "fillet_radius", *FILES, "file_sha256"):
+            plate.pop(key, None)
     material = {k: v for k, v in material.items() if k != "failure_factor"}
     tables: dict[str, Any] = {
         "scenario": "impact",

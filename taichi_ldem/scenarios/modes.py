@@ -19,9 +19,10 @@ from taichi_ldem.scenarios.describe import warnings
 from taichi_ldem.scenarios.drawing import Draw
 from taichi_ldem.scenarios.progress import make_console
 from taichi_ldem.scenarios.registry import SCENARIOS
-from taichi_ldem.scene import Modes, Scene, scene_to_toml
+from taichi_ldem.scene import Modes, Scene
 from taichi_ldem.solver import backend
 from taichi_ldem.solver.memory import peak_bytes, refuse_too_large
+from taichi_ldem.storage import plate_shape
 from taichi_ldem.storage.durable import write_whole
 from taichi_ldem.storage.fields import hexahedral_mesh, write_vectors
 from taichi_ldem.storage.folder import RunFolder
@@ -90,6 +91,7 @@ def run(
     files = SCENARIOS["modes"].writes
     RunFolder.check(out, force=force, files=files)
     linear, notes = linearised(scene)
+    body = plate_shape.read(scene)
     refuse_too_large(linear)
     for line in notes + warnings(scene):
         console.print(f"note: {line}")
@@ -102,7 +104,7 @@ def run(
     console.print(f"{operator.size:,} degrees of freedom, {count} modes")
     with RunFolder.held(out):
         folder = RunFolder.create(out, force=force, files=files)
-        folder.write_scene(scene_to_toml(scene))
+        plate_shape.write_scene(folder, scene, body)
         folder.write_provenance(provenance(scene))
         try:
             return _solve(scene, linear, operator, folder, console, draw)

@@ -26,10 +26,11 @@ from taichi_ldem.scenarios.field_output import FieldOutput
 from taichi_ldem.scenarios.interrupts import WORDS, Interrupts, Signalled
 from taichi_ldem.scenarios.progress import announce, make_console, progress
 from taichi_ldem.scenarios.registry import entry_of
-from taichi_ldem.scene import Scene, parse_scene, scene_to_toml
+from taichi_ldem.scene import Scene, parse_scene
 from taichi_ldem.solver import backend
 from taichi_ldem.solver.contact import bodies_of, contacts_of, observables
 from taichi_ldem.solver.memory import peak_bytes, refuse_too_large
+from taichi_ldem.storage import plate_shape
 from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.storage.history import HistoryWriter
 from taichi_ldem.storage.place import unlink
@@ -137,7 +138,7 @@ def run(
     console = make_console(quiet)
     files = entry_of(scene).writes
     RunFolder.check(out, force=force, files=files)
-    started = time.perf_counter()
+    started, body = time.perf_counter(), plate_shape.read(scene)
     simulation = _build(scene)
     if instrument is not None and instrument.prepare is not None:
         instrument.prepare(simulation)
@@ -146,7 +147,7 @@ def run(
     with RunFolder.held(out):
         folder = RunFolder.create(out, force=force, files=files)
         folder.write_provenance(provenance(scene))
-        folder.write_scene(scene_to_toml(scene))
+        plate_shape.write_scene(folder, scene, body)
         recorder = Recorder(folder, simulation, instrument=instrument)
         announce(console, simulation, expected, recorder.fields.bytes_per_frame)
         return _complete(console, recorder, summary, compiled, draw)
@@ -192,7 +193,7 @@ def resume(
         recorder = _restored(folder, simulation, itertools.chain([latest], found))
         if extend:
             unlink(folder.summary_file)  # from here on the run is not finished
-            folder.write_scene(scene_to_toml(scene))
+            plate_shape.write_scene(folder, scene)
         _note_origin(folder, simulation)
         console.print(f"resumed at t = {simulation.time:.6g} s, step {simulation.step_number}")
         compiled = time.perf_counter() - started

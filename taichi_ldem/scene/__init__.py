@@ -18,7 +18,7 @@ from taichi_ldem.scene.scene import (
     parse_scene_text,
     scene_to_toml,
 )
-from taichi_ldem.scene.specimen import Hole, Notch, Plate
+from taichi_ldem.scene.specimen import FILES, Hole, Notch, Plate
 from taichi_ldem.scene.strikers import MOST_STRIKERS, Striker
 from taichi_ldem.scene.tables import (
     DISORDERED,
@@ -33,6 +33,7 @@ from taichi_ldem.scene.tables import (
 
 __all__ = [
     "DISORDERED",
+    "FILES",
     "LARGEST_CV",
     "LAW_NAMES",
     "MOST_STRIKERS",

@@ -7,12 +7,11 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import h5py
 import pytest
-from support.command import COMMAND, SCENE, WITHOUT_VULKAN, ldem
+from support.command import SCENE, cut_off, ldem
 from support.paths import CONFIGS, ROOT
 
 from taichi_ldem.errors import SceneError
@@ -48,7 +47,9 @@ scene = block_scene(
     floor={"gap": 1e-5, "friction": 0.4},
     solver={"duration": 1.2e-4, "precision": precision, "damping": damping, "threads": 1},
     output={"history_interval": 2e-6},
-    notch=[{"normal": "x", "position": 1e-3, "from": [-4e-3, 0], "to": [-2e-3, 1e-3]}],
+    notch=[{"normal": "x", "position": 1e-3, "from": [-4e-3, 0], "to": [-2e-3, 1e-3]},
+           {"centre": [-5e-4, 5e-4, 2e-4], "diameter": 2e-3, "direction": [1, 1, 0.2],
+            "time": 5e-5}],
 )
 backend.start(scene.solver)
 from taichi_ldem.solver.simulation import Simulation
@@ -82,6 +83,7 @@ whole = end(simulation)
 assert broken[-1] > 20 and force[1] == 0 and max(force) > 1, (broken, force)
 assert floor[0] == 0 and max(floor) > 1, floor
 assert max(errors) < 5e-3
+assert simulation.openings.energy > 0
 
 kinds = set()
 simulation.reset(scene)  # instead of a second simulation, which would compile all kernels again
@@ -134,32 +136,13 @@ def whole(scene: Path) -> RunFolder:
     return RunFolder.open(scene.parent / "whole")
 
 
-def _cut_off(scene: Path, out: Path, rows: int, number: signal.Signals) -> tuple[int, str]:
-    """Start a run, send a signal after so many rows; its exit code and what it said."""
-    process = subprocess.Popen(
-        [*COMMAND, "impact", str(scene), "--out", str(out), "--quiet"],
-        stderr=subprocess.PIPE,
-        text=True,
-        env=WITHOUT_VULKAN,
-    )
-    history = out / "history.csv"
-    deadline = time.monotonic() + 100
-    while time.monotonic() < deadline:
-        if history.exists() and history.read_bytes().count(b"\n") > rows:
-            break
-        time.sleep(0.002)
-    process.send_signal(number)
-    _, errors = process.communicate(timeout=100)
-    return process.returncode, errors
-
-
 @pytest.fixture(scope="module")
 def cut(scene: Path, whole: RunFolder) -> Path:
     """A run killed while the plate cracks, with two checkpoints; tests take copies of it."""
     out = scene.parent / "cut"
     for rows in range(25, 0, -4):  # a machine that is faster than the signal gets another try
         shutil.rmtree(out, ignore_errors=True)
-        code, _ = _cut_off(scene, out, rows, signal.SIGKILL)
+        code, _ = cut_off(scene, out, rows, signal.SIGKILL)
         if code == -signal.SIGKILL and (out / cp.PREVIOUS).exists():
             return out
     raise AssertionError("the run was never caught")
@@ -186,7 +169,7 @@ def test_a_killed_run_is_resumed_bitwise(copy: Path, whole: RunFolder) -> None:
 @pytest.mark.slow
 def test_sigterm_leaves_a_checkpoint_of_its_own(scene: Path, whole: RunFolder) -> None:
     out = scene.parent / "terminated"
-    code, errors = _cut_off(scene, out, 10, signal.SIGTERM)
+    code, errors = cut_off(scene, out, 10, signal.SIGTERM)
     assert code == 143
     (line,) = errors.splitlines()
     assert line.startswith("terminated at t = ")

@@ -1,8 +1,11 @@
 """The command line in a process of its own, and a small plate that cracks within seconds."""
 
 import os
+import signal
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 SCENE = """
 scenario = "impact"
@@ -44,3 +47,22 @@ WITHOUT_VULKAN = os.environ | {"VK_ICD_FILENAMES": "/none", "VK_DRIVER_FILES": "
 def ldem(*words: str) -> subprocess.CompletedProcess[str]:
     command = [*COMMAND, *words]
     return subprocess.run(command, capture_output=True, text=True, check=False, env=WITHOUT_VULKAN)
+
+
+def cut_off(scene: Path, out: Path, rows: int, number: signal.Signals) -> tuple[int, str]:
+    """Start a run, send a signal after so many rows; its exit code and what it said."""
+    process = subprocess.Popen(
+        [*COMMAND, "impact", str(scene), "--out", str(out), "--quiet"],
+        stderr=subprocess.PIPE,
+        text=True,
+        env=WITHOUT_VULKAN,
+    )
+    history = out / "history.csv"
+    deadline = time.monotonic() + 100
+    while time.monotonic() < deadline:
+        if history.exists() and history.read_bytes().count(b"\n") > rows:
+            break
+        time.sleep(0.002)
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=100)
+    return process.returncode, errors

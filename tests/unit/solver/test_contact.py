@@ -421,6 +421,28 @@ def test_bonded_rings_hold_both_faces_in_either_precision(modules: int) -> None:
     assert below + above == len(fixed)
 
 
+@pytest.mark.parametrize(("edge", "late"), [("node", 0.5), ("unbiased", 0.0)])
+def test_an_unbiased_clamp_begins_on_its_circle_on_average(edge: str, late: float) -> None:
+    """The first node that is held on each row of nodes that crosses the circle steeply."""
+    from taichi_ldem.solver.contact.kernels.rings import fixed_nodes, reach
+
+    lattice, inner = Lattice(prism(120, 120, 1), 1.0), 50.3
+    table = {"kind": "rim", "inner_diameter": 2 * inner, "edge": edge}
+    clamp = block_scene(8, 8, 2, clamp=table | {"inner_diameter": 1e-3}).clamp
+    assert clamp is not None
+    beyond = reach(clamp, lattice.spacing)
+    numbers = (inner - beyond, np.inf, 1.0)
+    dynamics = SimpleNamespace(lattice=lattice, spacing=1.0)
+    fixed = fixed_nodes(dynamics, numbers, through=True)  # type: ignore[arg-type]
+    x, y, z = lattice.positions().reshape(-1, 3)[fixed].T
+    gaps = []
+    for row in np.unique(y[np.abs(y) < 20]):
+        first = x[(y == row) & (x > 0) & (z == 0)].min(initial=np.inf)
+        gaps += [first - np.sqrt(inner**2 - row**2)] if first < np.inf else []
+    assert len(gaps) > 30
+    assert np.mean(gaps) == pytest.approx(late, abs=0.06)
+
+
 def test_bonded_nodes_stay_and_take_what_the_striker_gives(taichi: None) -> None:
     from taichi_ldem.solver.simulation import Simulation
 
