@@ -10,6 +10,10 @@ with bar vector r, unit vector n and stiffness s = EA / length: a real 3 x 3 mat
 of the lattice's Brillouin zone. (Seen as two sublattices of a cubic lattice the paper's is a
 6 x 6 matrix: its six branches are these three at k and at k + (2 pi / L, 0, 0).)
 
+Where modules have an energy of their volume (``solver.volume``), corner and centre nodes differ:
+only corners feel it. Then the matrix of all nodes of a site is needed (``Bulk.of_site``), and the
+three waves of a wave vector are those in which the nodes of a site move together most.
+
 Central differences with a step dt follow sin(omega dt / 2) = omega_0 dt / 2 with omega_0 of the
 equation above, exactly: ``discrete_frequency``.
 
@@ -23,12 +27,15 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from taichi_ldem.model.cell import CELLS, MODULE, UnitCell
+from taichi_ldem.model.cell import CELLS, CORNER, MODULE, MODULES, UnitCell
 from taichi_ldem.model.lattice import Lattice
 from taichi_ldem.model.material import bar_families, volumetric_modulus
 from taichi_ldem.scene import Material
 
 Array = npt.NDArray[np.float64]
+
+CORNERS = 2.0 * np.array(list(np.ndindex(2, 2, 2))) - 1
+"""(8, 3) places of a module's corners from its middle, in halves of its edge."""
 
 
 @dataclass(frozen=True)
@@ -40,8 +47,7 @@ class Bulk:
         mass: of a node, kg.
         spacing: module edge L, m.
         cell: the bars of a site; all nodes have the same star of bars.
-        volumetric: lambda - mu of the modules' volumes, Pa (``solver.volume``), which
-            ``every_branch`` and ``highest_frequency`` include; the others are of bars alone.
+        volumetric: lambda - mu of the modules' volumes, Pa (``solver.volume``).
     """
 
     stiffness: tuple[float, ...]
@@ -66,13 +72,60 @@ class Bulk:
         return np.array([self.stiffness[family] for family in families]) / self.mass
 
     def matrix(self, k: npt.ArrayLike) -> Array:
-        """Dynamical matrices D(k), (..., 3, 3) in 1/s2, of wave vectors (..., 3) in 1/m."""
+        """Dynamical matrices D(k) of bars alone, (..., 3, 3) in 1/s2, of k (..., 3) in 1/m."""
         phase = np.asarray(k) @ (self.spacing * self._rays.T)
         swing = self._shares * (1 - np.cos(phase))
         return np.asarray(np.einsum("...b,bi,bj->...ij", swing, self._units, self._units))
 
+    def of_site(self, k: npt.ArrayLike) -> Array:
+        """Dynamical matrices of all nodes of a site, (..., nodes, 3, nodes, 3) in 1/s2.
+
+        A wave has its phase at the place of each node, so that the matrix is real: every node is a
+        centre of inversion. A module adds (lambda - mu) L^3 (h.u)^2 to the squares of frequencies,
+        with h = sum over the corners of s sin(k.s L / 2) / (4 L), s = (+-1, +-1, +-1).
+        """
+        phases = self.spacing * np.asarray(k)
+        nodes = self.cell.sublattices
+        matrix = np.zeros((*phases.shape[:-1], nodes, 3, nodes, 3))
+        for ((a, _), (b, _)), vector, family in zip(
+            self.cell.ends, self.cell.vectors, self.cell.family, strict=True
+        ):
+            pull = self.stiffness[family] * np.outer(vector, vector) / (vector @ vector)
+            turned = np.cos(phases @ vector)[..., None, None] * pull
+            matrix[..., a, :, a, :] += pull
+            matrix[..., b, :, b, :] += pull
+            matrix[..., a, :, b, :] -= turned
+            matrix[..., b, :, a, :] -= turned
+        swing = np.sin(0.5 * phases @ CORNERS.T) @ CORNERS / 4
+        of_volume = self.volumetric * self.spacing * swing[..., :, None] * swing[..., None, :]
+        matrix[..., CORNER, :, CORNER, :] += of_volume
+        return matrix / self.mass
+
+    def waves_of_site(self, k: npt.ArrayLike) -> tuple[Array, Array]:
+        """The three waves in which the nodes of a site move together most.
+
+        Angular frequencies (..., 3), ascending, 1/s; shapes (..., nodes, 3, 3), columns of unit
+        square.
+        """
+        matrix = self.of_site(k)
+        size = 3 * self.cell.sublattices
+        squares, shapes = np.linalg.eigh(matrix.reshape(*matrix.shape[:-4], size, size))
+        shapes = shapes.reshape(*matrix.shape[:-2], size)
+        together = (shapes.mean(axis=-3) ** 2).sum(axis=-2)
+        chosen = np.sort(np.argsort(-together, axis=-1, kind="stable")[..., :3], axis=-1)
+        squares = np.take_along_axis(squares, chosen, -1)
+        shapes = np.take_along_axis(shapes, chosen[..., None, None, :], -1)
+        return np.sqrt(np.maximum(squares, 0.0)), shapes
+
     def waves(self, k: npt.ArrayLike) -> tuple[Array, Array]:
-        """Angular frequencies (..., 3), ascending, 1/s; polarisations (..., 3, 3), columns."""
+        """Angular frequencies (..., 3), ascending, 1/s; polarisations (..., 3, 3), columns.
+
+        With volumes, a polarisation is that of the mean over a site's nodes.
+        """
+        if self.volumetric:
+            omega, shapes = self.waves_of_site(k)
+            mean = shapes.mean(axis=-3)
+            return omega, np.asarray(mean / np.linalg.norm(mean, axis=-2, keepdims=True))
         squares, shapes = np.linalg.eigh(self.matrix(k))
         return np.sqrt(np.maximum(squares, 0.0)), shapes
 
@@ -91,6 +144,17 @@ class Bulk:
         From 2 omega d omega = u^T dD u. In a degenerate pair the two polarisations are any of their
         plane: along a symmetry axis both give the same component along k.
         """
+        if self.volumetric:
+            omega, shapes = self.waves_of_site(k)
+            middle, step = np.asarray(k, dtype=float), 1e-5 / self.spacing
+            slopes = [
+                (self.of_site(middle + step * e) - self.of_site(middle - step * e)) / (2 * step)
+                for e in np.eye(3)
+            ]
+            rise = np.stack(
+                [np.einsum("...ain,...aibj,...bjn->...n", shapes, d, shapes) for d in slopes], -1
+            )
+            return np.asarray(rise / (2 * omega[..., None]))
         omega, shapes = self.waves(k)
         bars = self.spacing * self._rays
         slope = self._shares * np.sin(np.asarray(k) @ bars.T)
@@ -112,6 +176,26 @@ class Bulk:
         shape = np.einsum("...n,...in->...i", overlap * same, shapes)
         return value[..., 0], shape / np.linalg.norm(shape, axis=-1, keepdims=True)
 
+    def straight(self, k: npt.ArrayLike, polarisation: npt.ArrayLike) -> tuple[Array, Array]:
+        """Waves all of whose motion is along one direction, as along and across a cube's edge.
+
+        Frequencies (...,), 1/s, and amplitudes (..., nodes of a site) of unit mean square. Without
+        volumes, and in waves that change none, all nodes of a site move alike.
+        """
+        if not self.volumetric:
+            omega, _ = self.branch(k, polarisation)
+            return omega, np.ones((*omega.shape, self.cell.sublattices))
+        along = np.asarray(polarisation, dtype=float)
+        block = np.einsum("i,...aibj,j->...ab", along, self.of_site(k), along)
+        squares, shapes = np.linalg.eigh(block)
+        together = shapes.sum(axis=-2)
+        chosen = np.abs(together).argmax(axis=-1)[..., None]
+        sign = np.where(np.take_along_axis(together, chosen, -1) < 0, -1.0, 1.0)
+        shape = np.take_along_axis(shapes, chosen[..., None], -1)[..., 0]
+        square = np.take_along_axis(squares, chosen, -1)[..., 0]
+        root = np.sqrt(self.cell.sublattices)
+        return np.sqrt(np.maximum(square, 0.0)), np.asarray(root * sign * shape)
+
     @cached_property
     def highest_frequency(self) -> float:
         """Largest angular frequency over the Brillouin zone, 1/s.
@@ -126,33 +210,9 @@ class Bulk:
         return float(self.frequencies(k).max())
 
     def every_branch(self, k: npt.ArrayLike) -> Array:
-        """Squares of angular frequencies, (..., 3 x nodes of a site), ascending, 1/s2.
-
-        The matrix of all nodes of a site, with a wave's phase at the place of each node. A module
-        adds (lambda - mu) L^3 |h.u|^2 with h = sum over the corners of s exp(i k.s L / 2) / (4 L),
-        s = (+-1, +-1, +-1), to the squares.
-        """
-        phases = self.spacing * np.asarray(k)
-        nodes = self.cell.sublattices
-        matrix = np.zeros((*phases.shape[:-1], nodes, 3, nodes, 3), dtype=complex)
-        for ((a, _), (b, _)), vector, family in zip(
-            self.cell.ends, self.cell.vectors, self.cell.family, strict=True
-        ):
-            pull = self.stiffness[family] * np.outer(vector, vector) / (vector @ vector)
-            turned = np.exp(1j * phases @ vector)[..., None, None] * pull
-            matrix[..., a, :, a, :] += pull
-            matrix[..., b, :, b, :] += pull
-            matrix[..., a, :, b, :] -= turned
-            matrix[..., b, :, a, :] -= turned.conj()
-        corners = 2.0 * np.array(list(np.ndindex(2, 2, 2))) - 1
-        swing = np.exp(0.5j * phases @ corners.T) @ corners / 4
-        of_volume = (
-            self.volumetric * self.spacing * swing.conj()[..., :, None] * swing[..., None, :]
-        )
-        matrix[..., 0, :, 0, :] += of_volume
-        size = 3 * nodes
-        flat = matrix.reshape(*phases.shape[:-1], size, size) / self.mass
-        return np.asarray(np.linalg.eigvalsh(flat))
+        """Squares of angular frequencies, (..., 3 x nodes of a site), ascending, 1/s2."""
+        matrix, size = self.of_site(k), 3 * self.cell.sublattices
+        return np.asarray(np.linalg.eigvalsh(matrix.reshape(*matrix.shape[:-4], size, size)))
 
     @cached_property
     def fastest(self) -> float:
@@ -169,16 +229,20 @@ def _bar_stiffness(
     return tuple(family.axial_stiffness / family.length for family in bars)
 
 
+def _volumetric(material: Material, variant: str) -> float:
+    """lambda - mu of the modules' volumes, Pa; zero where they have no energy."""
+    if variant != "volumetric":
+        return 0.0
+    return volumetric_modulus(material.youngs_modulus, material.poisson_ratio)
+
+
 def bulk(
     material: Material, spacing: float, variant: str = "equation-2", lattice: str = "module"
 ) -> Bulk:
     """The infinite lattice of a material at a module edge (m), of a unit cell by its name."""
     stiffness, cell = _bar_stiffness(material, spacing, variant, lattice), CELLS[lattice]
     mass = material.density * spacing**3 / cell.sublattices
-    volumetric = 0.0
-    if variant == "volumetric":
-        volumetric = volumetric_modulus(material.youngs_modulus, material.poisson_ratio)
-    return Bulk(stiffness, mass, spacing, cell, volumetric)
+    return Bulk(stiffness, mass, spacing, cell, _volumetric(material, variant))
 
 
 def discrete_frequency(omega: npt.ArrayLike, time_step: float) -> Array:
@@ -202,12 +266,14 @@ class Waveguide:
         axis: 0, 1, 2 for a bar along x, y, z.
         stiffness: EA / length of the bar families, N/m.
         density: kg/m3.
+        volumetric: lambda - mu of the modules' volumes, Pa.
     """
 
     lattice: Lattice
     axis: int
     stiffness: tuple[float, ...]
     density: float
+    volumetric: float = 0.0
     _site: int = field(default=3, init=False)  # away from the ends of the piece
 
     @cached_property
@@ -262,6 +328,25 @@ class Waveguide:
 
         return flat(own), {key: flat(block) for key, block in coupling.items()}
 
+    @cached_property
+    def _swellings(self) -> dict[int, Array]:
+        """What nodes behind (-1) and ahead (1) add to the volumes of a period's modules.
+
+        (modules, 3n) each, in units of root masses: the square of their sum is that of a frequency.
+        """
+        n = len(self.mass)
+        corners = np.full(self.code.shape, -1)
+        corners[self.nodes[CORNER]] = np.arange(np.count_nonzero(self.nodes[CORNER]))
+        a, b = np.nonzero(MODULES[self.code, 7])
+        across = [axis for axis in (2, 1, 0) if axis != self.axis]
+        found = {side: np.zeros((len(a), n, 3)) for side in (-1, 1)}
+        for sign in CORNERS:
+            ahead = (sign > 0).astype(int)
+            node = corners[a + ahead[across[0]], b + ahead[across[1]]]
+            share = sign / 4 / np.sqrt(self.mass[node])[:, None]
+            found[int(sign[self.axis])][np.arange(len(a)), node] += share
+        return {side: part.reshape(len(a), 3 * n) for side, part in found.items()}
+
     def matrix(self, k: float) -> npt.NDArray[np.complex128]:
         """(3n, 3n) Hermitian dynamical matrix at a wave number along the bar (1/m), 1/s2."""
         own, coupling = self._blocks
@@ -269,6 +354,10 @@ class Waveguide:
         for distance, block in coupling.items():
             term = np.exp(1j * k * distance * self.lattice.spacing) * block
             total -= term + term.conj().T
+        if self.volumetric:
+            turn = np.exp(0.5j * k * self.lattice.spacing)
+            swing = turn.conj() * self._swellings[-1] + turn * self._swellings[1]
+            total += self.volumetric * self.lattice.spacing * swing.conj().T @ swing
         return total
 
     @cached_property
@@ -306,4 +395,4 @@ def waveguide(
 ) -> Waveguide:
     """The infinite bar that a piece of lattice (uniform along ``axis``) is cut from."""
     stiffness = _bar_stiffness(material, lattice.spacing, variant, lattice.cell.name)
-    return Waveguide(lattice, axis, stiffness, material.density)
+    return Waveguide(lattice, axis, stiffness, material.density, _volumetric(material, variant))

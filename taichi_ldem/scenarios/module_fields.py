@@ -68,15 +68,18 @@ class ModuleFields:
         volume = module_volumes(self.points, self.hexahedra)
         stress = sums.stress(volume, swollen)
         if dynamics.features.volumetric:
-            stress = stress + volumetric_stress(self._moduli(swollen), swollen)
+            stress = stress + volumetric_stress(self.moduli_left(swollen), swollen)
         return {
             "stress": stress,
             "principal_stress": largest_principal(stress),
             "damage": sums.damage,
         }
 
-    def _moduli(self, swollen: Array) -> Array:
-        """(C,) lambda - mu that modules have left at a swelling, Pa: ``ModuleVolumes.share``."""
+    def moduli_left(self, swollen: Array) -> Array:
+        """(C,) lambda - mu that modules have left at a swelling J - 1, Pa.
+
+        The rule is that of the kernels, ``ModuleVolumes.share``; a test compares both.
+        """
         dynamics = self.simulation.dynamics
         modulus = dynamics.volumetric * dynamics.of_modules(dynamics.volume_modulus)
         if dynamics.features.history:

@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from taichi_ldem.errors import SceneError
 from taichi_ldem.model import waves
-from taichi_ldem.model.cell import CELLS
+from taichi_ldem.model.cell import CELLS, CORNER
 from taichi_ldem.model.lattice import Lattice, prism
 from taichi_ldem.model.material import elastic_constants
 from taichi_ldem.scenarios import runner
@@ -146,12 +146,13 @@ class Packet:
 
     @cached_property
     def _modes(self) -> tuple[Array, Complex]:
-        # (M,) frequencies and (M, n, 3) shapes; n = 1 for plane waves
+        # (M,) frequencies and (M, n, 3) shapes; plane waves have one for each node of a site
         k, direction = self.wave_numbers, np.eye(3)[self.axis]
         if self.pulse.kind != "bar":
-            omega, _ = self.medium.branch(k[1:, None] * direction, np.eye(3)[self.polarisation])
-            shape = np.broadcast_to(np.eye(3)[self.polarisation], (len(k), 1, 3))
-            return np.concatenate([[0.0], omega]), shape.astype(complex)
+            along = np.eye(3)[self.polarisation]
+            omega, shares = self.medium.straight(k[1:, None] * direction, along)
+            shares = np.concatenate([np.ones((1, shares.shape[1])), shares])
+            return np.concatenate([[0.0], omega]), (shares[..., None] * along).astype(complex)
         omega, shape = self.guide.longitudinal(k[1:])
         still = np.broadcast_to(direction, (1, *shape.shape[1:]))
         return np.concatenate([[0.0], omega]), np.concatenate([still, shape])
@@ -160,7 +161,7 @@ class Packet:
     def probe_amplitudes(self) -> Complex:
         """(M,) amplitudes of what the probes read, m."""
         if self.pulse.kind != "bar":
-            return self.amplitudes
+            return self.amplitudes * self._modes[1][:, CORNER, self.polarisation].real
         mean = self._modes[1][..., self.polarisation] @ self.guide.corner_shares
         return np.asarray(self.amplitudes * mean)
 
@@ -206,6 +207,8 @@ class Packet:
         """Put one sublattice's values at t = 0 into its view (A, B, N, 3)."""
         start = np.zeros(1)
         factor = factor * self.amplitudes
+        if self.pulse.kind != "bar":
+            factor = factor * self._modes[1][:, sublattice, self.polarisation].real
         wave = factor[:, None] * self._phases(x, time_step, start)[:, 0]
         if self.pulse.kind != "bar":
             mirror = self._phases(2 * self.ends[1] - x, time_step, start)[:, 0]

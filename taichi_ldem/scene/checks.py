@@ -96,15 +96,10 @@ def _with_stiffness(data: Mapping[str, Any]) -> Mapping[str, Any]:
     plate, material = data.get("plate"), data.get("material")
     if not isinstance(plate, Mapping) or not isinstance(material, Mapping):
         return data
-    if "stiffness" in plate or not takes_volumes(data["scenario"]):
+    if "stiffness" in plate:
         return data
     stiffness = default_stiffness(material.get("poisson_ratio", QUARTER))
     return {**data, "plate": {**plate, "stiffness": stiffness}}
-
-
-def takes_volumes(scenario: str) -> bool:
-    """Whether modules may have an energy of their volume in a scenario."""
-    return "pulse" not in SCENARIOS[scenario].needs
 
 
 def default_stiffness(poisson_ratio: float) -> str:
@@ -164,9 +159,6 @@ def _check_bend(scene: Scene) -> None:
 def _check_wave(scene: Scene) -> None:
     pulse = scene.pulse
     assert pulse is not None
-    if scene.plate.stiffness == "volumetric":
-        why = 'is not for scenario = "wave", whose exact waves are those of bars alone'
-        raise refuse("plate.stiffness", scene.plate.stiffness, why)
     _check_free_prism(scene)
     shortest = 4 * scene.plate.spacing
     if pulse.wavelength < shortest:

@@ -93,8 +93,7 @@ class Plate(Table):
         default="equation-2",
         description="stiffness of diagonal bars: 1.299 EA_l by Eq. (2), or the printed 0.5196 EA_l;"
         " 'volumetric' gives modules an energy of their volume as well, so that the lattice is"
-        " isotropic for any poisson_ratio. It is the default where poisson_ratio is not 0.25, but"
-        " for scenario = 'wave'",
+        " isotropic for any poisson_ratio. It is the default where poisson_ratio is not 0.25",
     )
     perturbation: Annotated[Real, Field(ge=0, le=LARGEST_PERTURBATION)] = Field(
         default=0.0,

@@ -323,7 +323,7 @@ _MEASURE = re.compile(r"_(j_m2|m_s|m2|pa|m|n|j|s)$|_cracks$|^broken_bars|^bars|^
 """Names of a summary's numbers, which end in their unit, and of its counts."""
 
 
-_LIST = re.compile(r"^(probes_m|frequencies_hz|residuals)$|_centre_m$")
+_LIST = re.compile(r"^(probes_m|frequencies_hz|residuals|crack_(from|to)_m)$|_centre_m$")
 """Names of its lists of numbers."""
 
 

@@ -167,6 +167,31 @@ def test_a_killed_run_is_resumed_bitwise(copy: Path, whole: RunFolder) -> None:
 
 
 @pytest.mark.slow
+def test_pieces_that_touch_go_on_bitwise_after_several_kills(tmp_path: Path) -> None:
+    """A cracking plate whose pieces push and rub each other, killed and resumed again and again."""
+    scene, whole, out = (tmp_path / name for name in ("scene.toml", "whole", "killed"))
+    text = SCENE.replace("poisson_ratio = 0.25", "poisson_ratio = 0.36")
+    text = text.replace("velocity = 8.0", "velocity = 20.0")
+    more = "checkpoint_interval = 1e-3\n[contact]\nfragments = true\nfriction = 0.3\n"
+    scene.write_text(text + more)
+    done = ldem("impact", str(scene), "--out", str(whole), "--quiet")
+    assert done.returncode == 0, done.stderr
+    history = RunFolder.open(whole).read_history()
+    assert history["broken_bars"][-1] > 100
+    assert history["pieces_friction_j"][30] > 0
+    killed_at = []
+    for rows in (20, 32, 44, 56):
+        code, _ = cut_off(scene, out, rows, signal.SIGKILL, "--resume")
+        if code == -signal.SIGKILL and (out / cp.LATEST).exists():
+            killed_at.append(len(cp.decode((out / cp.LATEST).read_bytes()).history))
+    assert len(killed_at) >= 3
+    assert max(killed_at) > 30  # pieces touch there
+    done = ldem("impact", str(scene), "--out", str(out), "--quiet", "--resume")
+    assert done.returncode == 0, done.stderr
+    assert differences(whole, out) == []
+
+
+@pytest.mark.slow
 def test_sigterm_leaves_a_checkpoint_of_its_own(scene: Path, whole: RunFolder) -> None:
     out = scene.parent / "terminated"
     code, errors = cut_off(scene, out, 10, signal.SIGTERM)

@@ -11,7 +11,7 @@ from support.paths import CONFIGS
 
 from taichi_ldem.cli import main
 from taichi_ldem.errors import SceneError
-from taichi_ldem.scenarios.wave import delay, phase_difference
+from taichi_ldem.scenarios.wave import Packet, delay, phase_difference
 from taichi_ldem.scene import load_scene
 from taichi_ldem.storage.folder import RunFolder
 
@@ -63,6 +63,31 @@ def test_a_pulse_through_a_bar_is_the_exact_one(tmp_path: Path) -> None:
     # --force takes them away again, and nothing else
     RunFolder.create(folder.path, force=True)
     assert sorted(path.name for path in folder.path.iterdir()) == ["run.json", "run.lock"]
+
+
+@pytest.mark.slow
+def test_a_pulse_through_a_bar_whose_modules_have_a_volume_is_the_exact_one(tmp_path: Path) -> None:
+    summary = _ldem("wave_quick", tmp_path / "run", ["material.poisson_ratio=0.36"]).read_summary()
+    assert summary["waveform_error"] < 1e-4
+    assert abs(summary["speed_cross_correlation_error"]) < 1e-6
+    assert len(summary["dispersion"]) >= 4
+    assert summary["dispersion_largest_error"] < 5e-4
+
+
+def test_modules_have_a_volume_where_bars_alone_are_not_isotropic() -> None:
+    """The pulse then has the speed of the solid, and corner and centre nodes move apart in it."""
+    loaded = load_scene(CONFIGS / "wave_thickness.toml", ["material.poisson_ratio=0.36"])
+    assert loaded.plate.stiffness == "volumetric"
+    packet = Packet(loaded)
+    packet.check()
+    speed = packet.frequencies[1] / packet.wave_numbers[1]
+    assert speed / packet.reference[1] == pytest.approx(1.0, abs=1e-3)
+    shares = np.abs(packet.probe_amplitudes / packet.amplitudes)
+    assert shares[0] == pytest.approx(1.0)
+    assert shares[len(shares) // 2] < 0.99
+    still = load_scene(CONFIGS / "wave_thickness.toml")
+    assert still.plate.stiffness == "equation-2"
+    np.testing.assert_array_equal(Packet(still).probe_amplitudes, Packet(still).amplitudes)
 
 
 @pytest.mark.slow

@@ -49,10 +49,12 @@ def ldem(*words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False, env=WITHOUT_VULKAN)
 
 
-def cut_off(scene: Path, out: Path, rows: int, number: signal.Signals) -> tuple[int, str]:
+def cut_off(
+    scene: Path, out: Path, rows: int, number: signal.Signals, *words: str
+) -> tuple[int, str]:
     """Start a run, send a signal after so many rows; its exit code and what it said."""
     process = subprocess.Popen(
-        [*COMMAND, "impact", str(scene), "--out", str(out), "--quiet"],
+        [*COMMAND, "impact", str(scene), "--out", str(out), "--quiet", *words],
         stderr=subprocess.PIPE,
         text=True,
         env=WITHOUT_VULKAN,

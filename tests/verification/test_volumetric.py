@@ -12,6 +12,7 @@ from taichi_ldem.errors import SceneError
 from taichi_ldem.model import material as mat
 from taichi_ldem.model.cell import CELLS
 from taichi_ldem.model.lattice import prism
+from taichi_ldem.scenarios.module_fields import ModuleFields
 from taichi_ldem.scene import Material, Scene
 
 if TYPE_CHECKING:
@@ -307,6 +308,18 @@ def test_a_module_loses_its_volume_with_its_weakest_bar(simulation: "Simulation"
     assert with_volumes[0] - bars[0] == pytest.approx(of_volumes, rel=1e-9)
     assert with_volumes[1] == pytest.approx(bars[1], rel=1e-12)
     assert loss.sum() < with_volumes[1]
+    # the stress that a run stores is that of the same shares, of either sign of lambda - mu
+    stored = ModuleFields(simulation, ["strain"], np.zeros((0, 3)), np.zeros((0, 8), dtype=int))
+    rows = [values[lattice.mask] for values in (grown, damage)]
+    left = stored.moduli_left(rows[0]) * lattice.spacing**3
+    np.testing.assert_allclose(left, modulus * share(rows[1], rows[0]), rtol=1e-12)
+    dynamics.volumetric = -kept
+    simulation.energies.potential(0)
+    negative = simulation.energies.total()[0] - bars[0]
+    left = stored.moduli_left(rows[0]) * lattice.spacing**3
+    dynamics.volumetric = kept
+    assert negative == pytest.approx(0.5 * (left * rows[0] ** 2).sum(), rel=1e-9)
+    assert abs(negative + of_volumes) > 1e-3 * of_volumes
 
 
 def test_a_flying_body_cracks_and_keeps_momentum_and_energy(simulation: "Simulation") -> None:

@@ -116,7 +116,7 @@ def _branches(scene: Scene, k: Array) -> list[tuple[Array, str, str]]:
     if scene.pulse.kind == "bar":
         return [(packet.guide.longitudinal(k)[0], "C3-", "exact, bar of the lattice")]
     direction = np.eye(3)[packet.axis]
-    omega = packet.medium.branch(k[:, None] * direction, np.eye(3)[packet.polarisation])[0]
+    omega = packet.medium.straight(k[:, None] * direction, np.eye(3)[packet.polarisation])[0]
     return [(omega, "C3-", "exact, lattice (with the run's time step)")]
 
 
@@ -203,14 +203,18 @@ def speeds_over_angle(
 
 
 def draw_anisotropy(figure: "Figure", scene: Scene, points: Rows = ()) -> None:
-    """Wave speeds in the (001) plane over the isotropic solid's, for three Poisson's ratios.
+    """Wave speeds in the (001) plane over the isotropic solid's.
+
+    Bars of the paper's lattice are isotropic at nu = 0.25 only, so three Poisson's ratios are drawn
+    for them. Otherwise the scene's is.
 
     Args:
         points: measured (rows of ``studies.wave_speeds``); long waves are those of 40 modules.
     """
     points = [p for p in points if "degrees" in p["direction"]]
     angle, plate = np.radians(np.linspace(0, 90, 91)), scene.plate
-    ratios = POISSON_RATIOS if plate.lattice == "module" else (scene.material.poisson_ratio,)
+    bars_alone = plate.lattice == "module" and plate.stiffness != "volumetric"
+    ratios = POISSON_RATIOS if bars_alone else (scene.material.poisson_ratio,)
     size = (len(POLARISATIONS), len(ratios))
     panels = figure.subplots(*size, sharex=True, sharey="row", squeeze=False)
     for column, nu in zip(panels.T, ratios, strict=True):

@@ -45,7 +45,11 @@ In configs/tension_strip.toml, the free edge is then still 12 mm away, and the s
 """
 
 ALL_OVER = 0.25
-"""A bar that fails further than this share of H from the notch's plane belongs to no crack."""
+"""A bar that fails further than this share of H from where a crack may be belongs to no crack."""
+
+TURNED = math.tan(math.radians(22.5))
+"""How far a crack may have left the notch's plane, over its length: half of the angle between the
+lattice planes (100) and (110)."""
 
 
 @dataclass(frozen=True)
@@ -123,8 +127,8 @@ def run(simulation: "Simulation") -> Record:
         separation = sample.observed["grip_displacement_m"]
         rows.append((sample.time, separation, sample.ledger.fracture))
         error = max(error, sample.energy_error_of_plate)
-        near = np.abs(place[:, 0] - plane) < ALL_OVER * scene.plate.size[0]
-        if (near & (place[:, 1] - tip > WINDOW[1] * far)).any():
+        along, across = place[:, 1] - tip, place[:, 0] - plane
+        if (belongs_to_crack(scene, along, across) & (along > WINDOW[1] * far)).any():
             break
     place = np.concatenate(places)
     time, separation, fracture = np.array(rows, dtype=float).T
@@ -137,6 +141,12 @@ def run(simulation: "Simulation") -> Record:
         place[:, 0] - plane,
         error,
     )
+
+
+def belongs_to_crack(scene: Scene, along: Array, across: Array) -> npt.NDArray[np.bool_]:
+    """Whether bars that fail at some places from the notch's tip and plane (m) are of its crack."""
+    band = ALL_OVER * scene.plate.size[0] + TURNED * np.maximum(along, 0.0)
+    return np.asarray(np.abs(across) < band)
 
 
 def geometry(scene: Scene) -> tuple[float, float, float]:
@@ -169,7 +179,7 @@ def read(simulation: "Simulation", record: Record) -> Reading:
     assert material.fracture_energy is not None  # `strips` refuses a scene without it
     modulus = material.youngs_modulus / (1 - material.poisson_ratio**2)
     released = modulus * record.separation**2 / (2 * height) / material.fracture_energy
-    of_crack = np.abs(record.across) < ALL_OVER * scene.plate.size[0]
+    of_crack = belongs_to_crack(scene, record.along, record.across)
     front = np.full(len(record.time), 0.0)
     np.maximum.at(front, record.when[of_crack], record.along[of_crack])
     front = np.maximum.accumulate(front)

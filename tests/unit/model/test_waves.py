@@ -1,5 +1,7 @@
 """Exact waves of the lattice: compared with the solid and with the lattice bar by bar."""
 
+import itertools
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -9,6 +11,7 @@ from support.reference import Body
 
 from taichi_ldem.model import material as mat
 from taichi_ldem.model import waves
+from taichi_ldem.model.cell import CELLS
 from taichi_ldem.model.lattice import Lattice, disc, prism
 from taichi_ldem.scene import Material
 
@@ -85,6 +88,96 @@ def test_a_branch_is_named_by_its_polarisation() -> None:
     assert medium.branch(k, [1.0, 0.0, 0.0])[0] == pytest.approx(medium.frequencies(k)[2])
 
 
+# -- modules with an energy of their volume --------------------------------------------------------
+
+RATIOS = (0.0, 0.1, 0.36, 0.45)
+
+
+def _with_volumes(body: Body, nu: float) -> np.ndarray:
+    """Stiffness matrix of a body: bar by bar, then volume by volume."""
+    bars = mat.bar_families(_material(nu), SPACING, "volumetric", lattice=body.lattice)
+    stiffness = body.stiffness_matrix(tuple(bar.axial_stiffness for bar in bars))
+    modulus = mat.volumetric_modulus(PMMA["youngs_modulus"], nu) * SPACING
+    number = {tuple(place): n for n, place in enumerate(body.places.tolist())}
+    for k, j, i in np.argwhere(body.mask):
+        swelling = np.zeros((len(body.places), 3))
+        for sign in itertools.product((-1, 1), repeat=3):
+            place = 2 * np.array([i, j, k]) + 1 + sign
+            swelling[number[tuple(place.tolist())]] = np.array(sign) / 4
+        stiffness += modulus * np.outer(swelling, swelling)
+    return stiffness
+
+
+@pytest.mark.parametrize("lattice", CELLS)
+@pytest.mark.parametrize("nu", RATIOS)
+def test_long_waves_of_volumes_have_the_speeds_of_the_solid(nu: float, lattice: str) -> None:
+    """c_P^2 = 2 mu (1 - nu) / ((1 - 2 nu) rho) and c_S^2 = mu / rho in every direction."""
+    shear = PMMA["youngs_modulus"] / (2 * (1 + nu))
+    c_p, c_s = np.sqrt(np.array([2 * (1 - nu) / (1 - 2 * nu), 1.0]) * shear / RHO)
+    medium = waves.bulk(_material(nu), SPACING, "volumetric", lattice)
+    assert medium.fastest == pytest.approx(c_p, rel=1e-6)
+    for direction in ((1, 0, 0), (1, 1, 0), (1, 1, 1), (2.0, 1.0, 0.3)):
+        unit = np.array(direction) / np.linalg.norm(direction)
+        k = 1e-3 / SPACING * unit
+        np.testing.assert_allclose(medium.phase_velocities(k), (c_s, c_s, c_p), rtol=2e-6)
+        np.testing.assert_allclose(medium.group_velocities(k) @ unit, (c_s, c_s, c_p), rtol=2e-6)
+
+
+@pytest.mark.parametrize("lattice", CELLS)
+@pytest.mark.parametrize("nu", RATIOS)
+def test_no_wave_of_volumes_is_softer_than_bars_allow(nu: float, lattice: str) -> None:
+    """Over the whole Brillouin zone; below 1/4 the volumes' modulus is negative."""
+    medium = waves.bulk(_material(nu), SPACING, "volumetric", lattice)
+    steps = np.linspace(0, 2 * np.pi / SPACING, 17)
+    k = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), -1).reshape(-1, 3)
+    phase = k * SPACING
+    # the squared sines vanish at the lattice's own wave vectors alone, where nodes do not move
+    swing = 4 * (np.sin(0.5 * phase) ** 2).sum(axis=1) / SPACING**2
+    moving = swing > 1e-6 / SPACING**2
+    shear = PMMA["youngs_modulus"] / (2 * (1 + nu)) / RHO
+    assert (medium.every_branch(k)[moving, 0] / (shear * swing[moving])).min() > 0.2
+
+
+@pytest.mark.parametrize("lattice", CELLS)
+@pytest.mark.parametrize("nu", [0.1, 0.45])
+def test_waves_of_volumes_are_those_of_the_lattice_put_together(nu: float, lattice: str) -> None:
+    """K u = omega^2 M u at the inner nodes; also for waves along and across an axis."""
+    body = Body(prism(5, 5, 5), SPACING, lattice=lattice)
+    stiffness = _with_volumes(body, nu)
+    medium = waves.bulk(_material(nu), SPACING, "volumetric", lattice)
+    inner = np.abs(body.places - 5).max(axis=1) <= 2
+    sublattice = body.places[:, 0] % 2
+    scale = np.abs(stiffness).max()
+
+    def check(k: np.ndarray, square: float, shape: np.ndarray) -> None:
+        field = np.exp(1j * body.positions @ k)[:, None] * shape[sublattice]
+        force = (stiffness @ field.ravel()).reshape(-1, 3)[inner]
+        np.testing.assert_allclose(force, square * medium.mass * field[inner], atol=1e-12 * scale)
+
+    for k in np.random.default_rng(3).uniform(-np.pi, np.pi, (3, 3)) / SPACING:
+        omega, shapes = medium.waves_of_site(k)
+        for n in range(3):
+            check(k, omega[n] ** 2, shapes[..., n])
+    k = np.array([1.3, 0.0, 0.0]) / SPACING
+    for along in np.eye(3)[:2]:
+        omega, shares = medium.straight(k, along)
+        check(k, float(omega) ** 2, shares[:, None] * along)
+        assert np.mean(shares**2) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("lattice", CELLS)
+@pytest.mark.parametrize("axis", [0, 2])
+def test_a_bar_s_waves_with_volumes_are_those_of_the_bar_put_together(
+    axis: int, lattice: str
+) -> None:
+    nu, sides = 0.4, [2, 3]
+    sides.insert(axis, 7)
+    body = Body(prism(*sides), SPACING, lattice=lattice)
+    piece = Lattice(prism(*sides), SPACING, cell=CELLS[lattice])
+    guide = waves.waveguide(_material(nu), piece, axis, "volumetric")
+    _check_bar(body, guide, _with_volumes(body, nu))
+
+
 # -- time steps ------------------------------------------------------------------------------------
 
 
@@ -130,14 +223,9 @@ def _guide(mask: np.ndarray, axis: int, nu: float = 0.25) -> waves.Waveguide:
     return waves.waveguide(_material(nu), Lattice(mask, SPACING), axis)
 
 
-@pytest.mark.parametrize("axis", [0, 1, 2])
-def test_a_bar_s_waves_are_those_of_the_bar_put_together_bar_by_bar(axis: int) -> None:
-    """K u = omega^2 M u at the middle of a bar 2 x 3 modules, from Section 2 alone."""
-    sides = [2, 3]
-    sides.insert(axis, 7)
-    body = Body(prism(*sides), SPACING)
-    guide = _guide(prism(*sides), axis)
-    k = 1.3 / SPACING
+def _check_bar(body: Body, guide: waves.Waveguide, stiffness: np.ndarray) -> None:
+    """K u = omega^2 M u in the middle of a piece of a bar, for every fifth mode."""
+    axis, k = guide.axis, 1.3 / SPACING
     squares, vectors = np.linalg.eigh(guide.matrix(k))
     along = body.places[:, axis]
     middle = (along == 6) | (along == 7)
@@ -149,7 +237,6 @@ def test_a_bar_s_waves_are_those_of_the_bar_put_together_bar_by_bar(axis: int) -
         for row, (i, *place) in enumerate(zip(s, a, b, strict=True))
     }
     rows = np.array([number[(p[0] % 2, p[across[0]], p[across[1]])] for p in body.places.tolist()])
-    stiffness = body.stiffness_matrix(_stiffness())
     mass = MODULE_MASS * body.mass_shares[middle][:, None]
     for n in range(0, len(squares), 5):
         shape = vectors[:, n].reshape(-1, 3) / np.sqrt(guide.mass)[:, None]
@@ -157,6 +244,16 @@ def test_a_bar_s_waves_are_those_of_the_bar_put_together_bar_by_bar(axis: int) -
         force = (stiffness @ field.ravel()).reshape(-1, 3)[middle]
         scale = squares[-1] * np.abs(mass * field[middle]).max()
         np.testing.assert_allclose(force, squares[n] * mass * field[middle], atol=1e-12 * scale)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_bar_s_waves_are_those_of_the_bar_put_together_bar_by_bar(axis: int) -> None:
+    """Of 2 x 3 modules, from Section 2 alone."""
+    sides = [2, 3]
+    sides.insert(axis, 7)
+    body = Body(prism(*sides), SPACING)
+    guide = _guide(prism(*sides), axis)
+    _check_bar(body, guide, body.stiffness_matrix(_stiffness()))
 
 
 def test_long_waves_of_a_bar_follow_rayleigh_and_love() -> None:

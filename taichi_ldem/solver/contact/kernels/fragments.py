@@ -63,6 +63,10 @@ TINY = 1e-12
 OF_LISTED = ("friction", "home", "loose", "shown", "joins")
 """Fields of a checkpoint with a value for each listed node, apart from the ends of their pairs."""
 
+# the entries of what a contact does to a node: impulses (N s), and half of the energy (J)
+Effect = ti.types.vector(7, ti.f64)
+PUSH, DRAG, ENERGY = range(0, 7, 3)
+
 # the entries of ``works``
 ELASTIC, PLATE_BEFORE, LOST = range(3)
 
@@ -91,9 +95,11 @@ class Fragments(NearbyPairs):
         before: velocity of the listed nodes before the step, m/s.
         impulse, friction: on each listed node in the latest step, all and friction's, N s.
         moved: 1 if a listed node that is no dust has moved far since the listing.
-        dusty: the latest step at which dust was near a cell, by ``stamp``, the count of steps.
-        dust_in, dust_after: the first dust in a cell (where ``dusty_in`` is the step), and the next
-            in the same cell after each, in ascending order; -1 where there is none.
+        dusty: a bit for each cell around a cell, 9 z + 3 y + x from (-1, -1, -1) on: there is dust
+            in it that may touch something in this cell.
+        dust_in, dust_after: the first dust in a cell (where ``dusty_in`` is the latest ``stamp``, a
+            count of steps), and the next in the same cell after each, in ascending order; -1 where
+            there is none.
         works: of each listed node (see ``ELASTIC``), J; the loss since the start.
     """
 
@@ -256,6 +262,8 @@ class Fragments(NearbyPairs):
         """Compute the impulses of a step, and book its works."""
         for n in range(1):
             self.stamp[n] = self.stamp[n] + 1
+        for cell in range(ti.select(dust > 0, ti.static(self.hot.shape[0]), 0)):
+            self.dusty[cell] = 0
         for a in range(size):
             s, k, j, i = self.site_of(a)
             place = self.place(now, s, k, j, i, spacing)
@@ -263,12 +271,7 @@ class Fragments(NearbyPairs):
             self.before[a] = self.dynamics.node_velocity(s, k, j, i)
             way, least = place - self.home[a], LATE * SKIN * self.numbers[DISTANCE]
             if self.loose[a] != 0:
-                cell = self.cell_of(place)
-                low, high = self.cells_within(place, self.numbers[DISTANCE])
-                for z in range(low[2], high[2] + 1):
-                    for y in range(low[1], high[1] + 1):
-                        for x in range(low[0], high[0] + 1):
-                            self.dusty[self.beside(cell, z, y, x)] = self.stamp[0]
+                self.announce_dust(place)
             elif way.dot(way) > least * least:
                 self.moved[0] = 1
         ti.loop_config(serialize=True)
@@ -281,84 +284,98 @@ class Fragments(NearbyPairs):
             self.dust_after[b], self.dust_in[cell] = after, b
             self.dusty_in[cell] = self.stamp[0]
         for a in range(size):
-            push, drag, elastic = self.gathered(a, spacing, ti.cast(time_step, ti.f64), dust)
+            found = self.gathered(a, spacing, ti.cast(time_step, ti.f64), dust)
+            push, drag = self.impulses(found)
             velocity = ti.cast(self.before[a], ti.f64)
             # the latest step's friction acted until the middle of this velocity, and this one's
             # from there on
             work = 0.5 * (self.friction[a] + drag).dot(velocity)
             lost = self.works[a][LOST] - work
-            self.works[a] = vec3d(elastic, 0.5 * (push + drag).dot(velocity), lost)
+            self.works[a] = vec3d(found[ENERGY], 0.5 * (push + drag).dot(velocity), lost)
             self.impulse[a], self.friction[a] = push + drag, drag
 
     @ti.func
-    def gathered(self, a, spacing, time_step, dust):
-        """Normal impulse, friction's impulse and half the energies of a node's contacts."""
+    def impulses(self, effect):
+        """The normal impulse of an effect, and that of friction."""
         push, drag = vec3d(0.0, 0.0, 0.0), vec3d(0.0, 0.0, 0.0)
-        elastic = ti.cast(0.0, ti.f64)
-        for n in range(self.first_pair(a), self.pair_ends[a]):
-            one, other, energy = self.contact(a, self.pairs[n], spacing, time_step)
-            push += one
-            drag += other
-            elastic += energy
-        if dust > 0:
-            if self.dusty[self.number_of(self.position[a])] == self.stamp[0]:
-                one, other, energy = self.with_dust(a, spacing, time_step)
-                push += one
-                drag += other
-                elastic += energy
-        return push, drag, elastic
+        for axis in ti.static(range(3)):
+            push[axis], drag[axis] = effect[PUSH + axis], effect[DRAG + axis]
+        return push, drag
 
     @ti.func
-    def with_dust(self, a, spacing, time_step):
-        """The same for contacts with dust, and of dust with the listed nodes around it."""
-        push, drag = vec3d(0.0, 0.0, 0.0), vec3d(0.0, 0.0, 0.0)
-        elastic, middle = ti.cast(0.0, ti.f64), self.cell_of(self.position[a])
-        # what was listed has moved since
-        radius = (1 + 0.5 * SKIN) * self.numbers[DISTANCE]
-        low, high = self.cells_within(self.position[a], radius)
+    def announce_dust(self, place):
+        """Tell the cells in which something may touch dust at a place where it is."""
+        cell = self.cell_of(place)
+        low, high = self.cells_within(place, self.numbers[DISTANCE])
         for z in range(low[2], high[2] + 1):
             for y in range(low[1], high[1] + 1):
                 for x in range(low[0], high[0] + 1):
-                    cell = self.beside(middle, z, y, x)
-                    one, rubbed, energy = self.in_cell(a, cell, spacing, time_step)
-                    push += one
-                    drag += rubbed
-                    elastic += energy
-        return push, drag, elastic
+                    back = 9 * (1 - z) + 3 * (1 - y) + 1 - x
+                    ti.atomic_or(self.dusty[self.beside(cell, z, y, x)], 1 << back)
 
     @ti.func
-    def in_cell(self, a, cell, spacing, time_step):
-        """The same for one cell: what was listed in it, then the dust that is in it now."""
-        push, drag = vec3d(0.0, 0.0, 0.0), vec3d(0.0, 0.0, 0.0)
-        elastic, least = ti.cast(0.0, ti.f64), self.numbers[DISTANCE]
-        at, end, other = 0, 0, -1
-        if self.loose[a] != 0:
-            at, end = self.starts[cell], self.starts[cell + 1]
+    def gathered(self, a, spacing, time_step, dust):
+        """The sum of what a node's contacts do to it."""
+        total = Effect(0.0)
+        for n in range(self.first_pair(a), self.pair_ends[a]):
+            total += self.contact(a, self.pairs[n], spacing, time_step)
+        if dust > 0:
+            cell = self.cell_of(self.position[a])
+            around = self.dusty[self.beside(cell, 0, 0, 0)]
+            if around != 0:
+                for n in range(27):
+                    if (around >> n) & 1 != 0:
+                        there = self.beside(cell, n // 9 - 1, n // 3 % 3 - 1, n % 3 - 1)
+                        total += self.with_dust(a, there, spacing, time_step)
+            if self.loose[a] != 0:
+                total += self.with_listed(a, cell, spacing, time_step)
+        return total
+
+    @ti.func
+    def with_dust(self, a, cell, spacing, time_step):
+        """The same for the dust that is in a cell now."""
+        total, other = Effect(0.0), -1
         if self.dusty_in[cell] == self.stamp[0]:
             other = self.dust_in[cell]
-        while at < end or other >= 0:
-            b = other
-            if at < end:
-                b = self.members[at]
-                at += 1
-                if self.loose[b] != 0:
-                    b = a
-            else:
-                other = self.dust_after[b]
-            away = self.position[a] - self.position[b]
-            near = a != b and away.dot(away) < least * least
-            if near and self.shown[a] + self.shown[b] > 0 and not self.are_joined(a, b):
-                one, rubbed, energy = self.contact(a, b, spacing, time_step)
-                push += one
-                drag += rubbed
-                elastic += energy
-        return push, drag, elastic
+        while other >= 0:
+            total += self.unpaired(a, other, spacing, time_step)
+            other = self.dust_after[other]
+        return total
+
+    @ti.func
+    def with_listed(self, a, cell, spacing, time_step):
+        """The same for dust and what was listed in the cells around it, but for other dust."""
+        total = Effect(0.0)
+        # what was listed has moved since
+        radius = (1 + 0.5 * SKIN) * self.numbers[DISTANCE]
+        low, high = self.cells_within(self.position[a], radius)
+        # cells above each other follow each other, but for the ends of the grid
+        within = 0 < cell[2] < ti.static(self.dims[2] - 1)
+        for part in range(ti.select(within, 0, low[2]), ti.select(within, 0, high[2]) + 1):
+            bottom, top = ti.select(within, low[2], part), ti.select(within, high[2], part)
+            for y in range(low[1], high[1] + 1):
+                for x in range(low[0], high[0] + 1):
+                    last = self.starts[self.beside(cell, top, y, x) + 1]
+                    for n in range(self.starts[self.beside(cell, bottom, y, x)], last):
+                        b = self.members[n]
+                        if self.loose[b] == 0:
+                            total += self.unpaired(a, b, spacing, time_step)
+        return total
+
+    @ti.func
+    def unpaired(self, a, b, spacing, time_step):
+        """What another listed node does to a node where one of them is dust."""
+        effect, least = Effect(0.0), self.numbers[DISTANCE]
+        away = self.position[a] - self.position[b]
+        near = a != b and away.dot(away) < least * least
+        if near and self.shown[a] + self.shown[b] > 0 and not self.are_joined(a, b):
+            effect = self.contact(a, b, spacing, time_step)
+        return effect
 
     @ti.func
     def contact(self, a, b, spacing, time_step):
-        """Impulses on a node by another, normal and of friction, and half the energies."""
-        push, drag = vec3d(0.0, 0.0, 0.0), vec3d(0.0, 0.0, 0.0)
-        elastic, distance = ti.cast(0.0, ti.f64), self.numbers[DISTANCE]
+        """What another listed node does to a node."""
+        effect, distance = Effect(0.0), self.numbers[DISTANCE]
         away = self.position[a] - self.position[b]
         square = away.dot(away)
         if square < distance * distance:
@@ -369,10 +386,12 @@ class Fragments(NearbyPairs):
                 reduced = self.mass[a] * self.mass[b] / (self.mass[a] + self.mass[b])
                 stiffness = self.numbers[STIFFNESS] * reduced
                 impulse = time_step * stiffness * depth
-                push = impulse * normal
-                drag = -self.friction_between(impulse, reduced, a, b, normal)
-                elastic = 0.25 * stiffness * depth * depth
-        return push, drag, elastic
+                drag = self.friction_between(impulse, reduced, a, b, normal)
+                for axis in ti.static(range(3)):
+                    effect[PUSH + axis] = impulse * normal[axis]
+                    effect[DRAG + axis] = -drag[axis]
+                effect[ENERGY] = 0.25 * stiffness * depth * depth
+        return effect
 
     @ti.func
     def friction_between(self, impulse, reduced, a, b, normal):

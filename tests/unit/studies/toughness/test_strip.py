@@ -57,9 +57,13 @@ def test_a_straight_crack_is_read_as_it_was_made(monkeypatch: pytest.MonkeyPatch
     assert reading.speed == pytest.approx(300.0 / wave)
 
 
-def test_a_crack_that_turns_is_seen_to_turn(monkeypatch: pytest.MonkeyPatch) -> None:
-    reading = _reading(monkeypatch, slope=math.tan(math.radians(11.0)), speed=300.0)
-    assert reading.deviation == pytest.approx(11.0)
+@pytest.mark.parametrize("degrees", [11.0, -16.0])
+def test_a_crack_that_turns_is_seen_to_turn(
+    degrees: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where it ends further from the notch's plane than a quarter of the strip's height."""
+    reading = _reading(monkeypatch, slope=math.tan(math.radians(degrees)), speed=300.0)
+    assert reading.deviation == pytest.approx(degrees)
 
 
 def test_a_crack_that_stays_where_it_is_has_no_reading(monkeypatch: pytest.MonkeyPatch) -> None:

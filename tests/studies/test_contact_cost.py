@@ -1,0 +1,41 @@
+"""The study of what contact of pieces costs, without its simulations."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from support.paths import CONFIGS
+
+from studies import contact_cost
+from taichi_ldem.errors import SceneError
+from taichi_ldem.scene import load_scene
+
+
+def test_the_same_scene_runs_without_and_with_contact() -> None:
+    saved = load_scene(CONFIGS / "impact_quick.toml")
+    without, touching = contact_cost.scenes(saved, 0.2, ["solver.threads=1"])
+    assert (without.contact, without.solver.threads) == (None, 1)
+    assert touching.contact is not None
+    assert (touching.contact.fragments, touching.contact.friction) == (True, 0.2)
+    assert touching.changed("solver.threads=1").plate == without.plate
+    with pytest.raises(SceneError, match=r"has a table \[contact\]: take a run without it"):
+        contact_cost.scenes(touching, 0.2, [])
+
+
+def test_the_table_has_medians_of_rounds_taken_in_turn() -> None:
+    """A round in which the machine was busy slows both simulations down, and not the ratio."""
+    rounds = [contact_cost.Round(4.0 * n, 5.0 * n, 0.4, 0.3, 32.0) for n in (1, 10, 1.1)]
+    pieces = SimpleNamespace(size=3, dust_size=1, pair_ends=[1, 2, 4])
+    text = contact_cost.table(SimpleNamespace(fragments=pieces, time=2e-3), rounds)  # type: ignore[arg-type]
+    assert "| a step with contact | 5.50 ms (+25 %) |" in text
+    assert "| entries of pairs | 4 |" in text
+    assert "| steps between two lists | 32.0 |" in text
+
+
+def test_a_folder_without_a_checkpoint_is_refused_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert contact_cost.main([str(tmp_path)]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert str(tmp_path) in error
