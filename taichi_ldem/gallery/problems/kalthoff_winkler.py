@@ -28,21 +28,25 @@ TIP = (0.0, -0.025)
 WINDOW = (3e-3, 30e-3)
 """Distances from the tip between which the crack's angle is measured, m."""
 
+SECTOR = 35.0
+"""Degrees on either side of 70 degrees within which bars belong to this crack."""
+
 
 def _crack(run: LoadedRun) -> Advance:
-    """The bars that failed around the tip, along the ray at 70 degrees."""
+    """The bars that failed in the sector around 70 degrees, along its middle."""
     angle = np.radians(70.0)
     direction = (float(np.cos(angle)), float(np.sin(angle)))
-    return advance(run, tip=TIP, direction=direction, reach=15e-3)
+    every = advance(run, tip=TIP, direction=direction)
+    chosen = np.abs(every.across) < np.tan(np.radians(SECTOR)) * every.along
+    return Advance(every.time[chosen], every.along[chosen], every.across[chosen])
 
 
 def _angle(run: LoadedRun) -> float | None:
-    """Angle of the crack to the notch, degrees."""
+    """Angle of the crack to the notch, degrees: the mean direction of its bars from the tip."""
     crack = _crack(run).between(*WINDOW)
     if len(crack.along) < 10 or crack.along.max() < 0.5 * WINDOW[1]:
         return None
-    slope = float(np.polyfit(crack.along, crack.across, 1)[0])
-    return 70.0 + float(np.degrees(np.arctan(slope)))
+    return 70.0 + float(np.degrees(np.arctan2(crack.across, crack.along).mean()))
 
 
 def _speed(run: LoadedRun) -> float | None:

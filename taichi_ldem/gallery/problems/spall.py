@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taichi_ldem.gallery.problem import Finding, Problem, Run, Runs, near
-from taichi_ldem.gallery.readings import Advance, advance
+from taichi_ldem.gallery.readings import Advance, Array, advance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -21,24 +21,41 @@ LABELS = {"bar": "paper's method", "crack": "cracks cost G_f"}
 def theory(run: LoadedRun) -> tuple[float, float]:
     """Distance of the first crack from the free end (m), and its time (s), in one dimension.
 
-    At a distance x from the free end the incident half sine and its reflection add up to
+    At a distance x from the free end, incident pulse and reflection add up to the tension
 
-        sigma(x, t) = p (sin(pi (t - x / c) / T) - sin(pi (t + x / c) / T)),   0 < t + x / c < T,
+        sigma(x, t) = p(t - x / c) - p(t + x / c),
 
-    where t counts from the pulse's arrival at the end and p is the peak. Its largest value at a
-    time lies where the incident pulse has just passed, x = c (T - t), and is p sin(2 pi x / (c T)).
-    It comes to the strength first at x = c T / (2 pi) asin(strength / p).
+    where p(t) is the pressure that arrives at the end at t. Behind its peak, a pulse that falls
+    linearly from p_0 within T leaves 2 p_0 x / (c T): the strength is reached first at the distance
+    c T sigma / (2 p_0) and half the time of the rise later than the peak passes there. Here the
+    first place is sought on a grid.
     """
     scene, load = run.scene, run.scene.loads[0]
     material = scene.material
     speed = math.sqrt(material.youngs_modulus / material.density)
-    assert load.duration is not None
-    assert load.traction is not None
+    assert load.velocity is not None
+    assert load.times is not None
+    assert load.factors is not None
+    assert load.box is not None
     assert material.failure_strain is not None
     strength = material.youngs_modulus * material.failure_strain
-    place = speed * load.duration / (2 * math.pi) * math.asin(strength / load.traction)
-    arrival = scene.plate.actual_size[0] / speed
-    return place, arrival + load.duration - place / speed
+    pressure = material.density * speed * load.velocity
+    place = np.linspace(0.0, speed * load.times[-1] / 2, 2001)
+    late = (scene.plate.actual_size[0] / 2 - load.box[1][0]) / speed
+
+    times, factors = np.array(load.times), np.array(load.factors)
+
+    def tension(time: float) -> Array:
+        back, out = (
+            np.interp(t, times, factors) for t in (time - place / speed, time + place / speed)
+        )
+        return np.asarray(pressure * (back - out))
+
+    for time in np.linspace(0.0, 2 * load.times[-1], 4001):
+        reached = np.flatnonzero(tension(float(time)) >= strength)
+        if len(reached):
+            return float(np.median(place[reached])), late + float(time)
+    return math.nan, math.nan
 
 
 def _crack(run: LoadedRun) -> Advance:
