@@ -132,6 +132,13 @@ class Load(Table):
         return self.kind in PRESCRIBED
 
     @property
+    def factor_at_start(self) -> float:
+        """The factor at t = 0."""
+        if self.start > 0 or self.course in ("ramp", "half-sine"):
+            return 0.0
+        return 1.0 if self.factors is None else self.factors[0]
+
+    @property
     def unit(self) -> tuple[float, float, float]:
         """The direction with a length of one."""
         x, y, z = self.direction

@@ -1,4 +1,8 @@
-"""The state of the plate at t = 0: its motion, and the strain that it begins with."""
+"""The state of the plate at t = 0: its motion, and the strain that it begins with.
+
+Velocities lie half a step before displacements. The plate sets off with those that the forces of
+t = 0 turn into the given ones: bars and gravity act in ``Simulation.start_from``, loads here.
+"""
 
 from typing import TYPE_CHECKING
 
@@ -6,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from taichi_ldem.scene import Scene
+from taichi_ldem.solver.contact.load_nodes import LoadNodes
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation
@@ -14,10 +19,16 @@ Floats = npt.NDArray[np.float64]
 
 
 def set_off(simulation: "Simulation") -> None:
-    """Give the plate its state at t = 0, with velocities half a step back, where gravity acts."""
+    """Give the plate its state at t = 0, before any body is built."""
+    if simulation.scene.plate.moves or simulation.scene.start is not None:
+        _give_start(simulation)
+    if any(load.value * load.factor_at_start for load in simulation.scene.loads):
+        _kick_back(simulation)
+
+
+def _give_start(simulation: "Simulation") -> None:
+    """Set displacements and velocities."""
     scene, dynamics = simulation.scene, simulation.dynamics
-    if not scene.plate.moves and scene.start is None:
-        return
     exists = dynamics.lattice.exists()[..., None]
     velocity = exists * np.array(scene.plate.velocity or (0.0, 0.0, 0.0))
     displacement = np.zeros_like(velocity)
@@ -44,3 +55,19 @@ def start_velocity(scene: Scene, place: Floats, masses: Floats) -> Floats:
     if start.expansion is not None:
         velocity[..., :2] += start.expansion * place[..., :2]
     return velocity
+
+
+def _kick_back(simulation: "Simulation") -> None:
+    """Take half a step of the forces that loads exert at t = 0 from the velocities."""
+    scene, dynamics = simulation.scene, simulation.dynamics
+    masses, half_step = dynamics.masses(), 0.5 * simulation.time_step
+    found = LoadNodes.of(dynamics.lattice, masses, scene.loads)
+    forces = [0.0 if q.prescribes else q.value * q.factor_at_start for q in scene.loads]
+    pull = (np.array(forces)[found.which] * found.shares)[:, None]
+    node = found.nodes[found.node_of]
+    units = np.array([load.unit for load in scene.loads])[found.which]
+    drag = 1 - 0.5 * scene.solver.damping * half_step
+    velocity = dynamics.get_velocity()
+    change = half_step / drag * pull * units / masses.ravel()[node][:, None]
+    np.subtract.at(velocity.reshape(-1, 3), node, change)
+    dynamics.set_velocity(velocity)

@@ -23,13 +23,6 @@ TERMS = 12
 """Of the sums for sine and cosine of at most a right angle: the next is below 1e-18."""
 
 
-def factor_at_start(load: Load) -> float:
-    """The factor at t = 0."""
-    if load.start > 0 or load.course in ("ramp", "half-sine"):
-        return 0.0
-    return 1.0 if load.factors is None else load.factors[0]
-
-
 def points_of(loads: Sequence[Load]) -> int:
     """Number of points of all tables."""
     return sum(len(load.times or ()) for load in loads)

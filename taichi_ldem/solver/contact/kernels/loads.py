@@ -1,6 +1,7 @@
 """Loads: forces on nodes, and prescribed motions of nodes, over a course in time."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from taichi_ldem.solver.contact.kernels.body import (
     Reading,
     RigidBody,
 )
-from taichi_ldem.solver.contact.kernels.courses import Courses, factor_at_start, points_of
+from taichi_ldem.solver.contact.kernels.courses import Courses, points_of
 from taichi_ldem.solver.contact.kernels.nearby import vec3d
 from taichi_ldem.solver.contact.load_nodes import LoadNodes
 from taichi_ldem.solver.dynamics import Dynamics, field_apart
@@ -27,6 +28,13 @@ VALUE, X, Y, Z, KIND, HELD = range(6)
 WIDTH = 6
 FORCE, VELOCITY, DISPLACEMENT = range(3)
 KINDS = {"traction": FORCE, "force": FORCE, "velocity": VELOCITY, "displacement": DISPLACEMENT}
+
+
+@dataclass(frozen=True)
+class LoadLayout(Layout):
+    """The layout of loads, with their nodes."""
+
+    found: LoadNodes | None = None
 
 
 @ti.data_oriented
@@ -54,7 +62,7 @@ class Loads(RigidBody):
 
     def __init__(self, dynamics: Dynamics, scene: "Scene", time_step: float):
         super().__init__(dynamics, self.layout_of(dynamics, scene))
-        entries = LoadNodes.of(dynamics.lattice, dynamics.masses(), scene.loads).which.size
+        entries = self.found.which.size
         self.loads = len(scene.loads)
         self.courses = Courses(self.loads, points_of(scene.loads))
         self.first = field_apart(ti.i32, self.capacity + 1)
@@ -81,7 +89,15 @@ class Loads(RigidBody):
             for number in (load.value, *load.unit, KINDS[load.kind], load.lateral == "held")
         ]
         kind = f"{len(scene.loads)} loads"
-        return Layout(numbers, len(found.nodes), kind, found.nodes)
+        return LoadLayout(numbers, len(found.nodes), kind, found.nodes, found=found)
+
+    @property
+    def found(self) -> LoadNodes:
+        """The nodes of the loads."""
+        layout = self.layout
+        assert isinstance(layout, LoadLayout)
+        assert layout.found is not None
+        return layout.found
 
     def start(self, scene: "Scene", time_step: float) -> None:
         """Begin at t = 0.
@@ -89,14 +105,13 @@ class Loads(RigidBody):
         Raises:
             ValueError: the scene's loads need larger fields.
         """
-        found = LoadNodes.of(self.dynamics.lattice, self.dynamics.masses(), scene.loads)
+        found = self.found
         for size, field in (
             (found.which.size, self.which),
             (points_of(scene.loads), self.courses.times),
         ):
             if size > field.shape[0]:
                 raise ValueError(f"loads: need {size} places, and were built for {field.shape[0]}")
-        self.found = found
         self.columns = tuple(column for load in scene.loads for column in load.columns)
         self.courses.set(scene.loads)
         self.units = np.array([load.unit for load in scene.loads])
@@ -110,25 +125,6 @@ class Loads(RigidBody):
         self.seen = np.zeros(1 + self.loads)
         for field in (self.state, self.home, self.tally):
             field.fill(0)
-        self._kick_back(scene, time_step)
-
-    def _kick_back(self, scene: "Scene", time_step: float) -> None:
-        """Put the velocities half a step back, where the forces of t = 0 already act."""
-        forces = np.array(
-            [0.0 if q.prescribes else q.value * factor_at_start(q) for q in scene.loads]
-        )
-        if not forces.any():
-            return
-        found = self.found
-        pull = (forces[found.which] * found.shares)[:, None] * self.units[found.which]
-        node = found.nodes[found.node_of]
-        velocity = self.dynamics.get_velocity()
-        flat, masses = velocity.reshape(-1, 3), self.dynamics.masses().ravel()
-        half = 0.25 * scene.solver.damping * time_step
-        change = 0.5 * time_step / (1 - half) * pull / masses[node][:, None]
-        np.subtract.at(flat, node, change)
-        self.dynamics.set_velocity(velocity)
-        self.record_velocities()
 
     def kernel_names(self) -> list[str]:
         """Names of the kernels that a run of the loads compiles."""
