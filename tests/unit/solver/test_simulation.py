@@ -238,6 +238,8 @@ def test_a_reset_simulation_runs_as_a_fresh_one_to_the_last_bit(taichi: None) ->
         ({"solver": {"damping": 10.0}}, "damping: True needs other kernels"),
         ({"material": {"law": "exponential"}}, "law: exponential needs other kernels"),
         ({"striker": {"shape": "cylinder"}}, "striker: cylinder needs other kernels"),
+        ({"striker": {"guided": False}}, "striker: hemisphere, not guided needs other kernels"),
+        ({"striker": {"motion": "prescribed"}}, "striker: hemisphere, prescribed needs other"),
         ({"clamp": {"kind": "bonded"}}, "rings: fixed nodes needs other kernels"),
         ({"striker": {"friction": 0.3}}, r"striker: friction = 0\.3 needs other kernels than 0"),
         ({"clamp": {"friction": 0.0}}, "rings: friction = 0 needs other kernels than inf"),

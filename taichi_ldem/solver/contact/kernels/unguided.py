@@ -125,9 +125,8 @@ class UnguidedStriker(Striker):
     @ti.func
     def answer(self, number, now, depth, normal, flight, mass, dt):
         """A node's part of the equations for the striker's change of velocity."""
-        along = normal  # way of the node where the striker moves by one along the normal
-        sticks = False
-        moved = depth * normal
+        moved, along = depth * normal, normal
+        sticks = False  # a node that sticks goes all the way with the striker
         if ti.static(self.rubs):
             stopped, slid = self.rubbed(number, now, depth, normal, flight)
             moved -= stopped * slid
@@ -138,8 +137,9 @@ class UnguidedStriker(Striker):
             parts[row] = -mass * moved[row] / dt
             for column in ti.static(range(3)):
                 factor = along[row] * normal[column]
-                if sticks:
-                    factor = ti.cast(1.0 if ti.static(row == column) else 0.0, ti.f64)
+                if ti.static(self.rubs):
+                    whole = ti.cast(float(row == column), ti.f64)
+                    factor = ti.select(sticks, whole, factor)
                 parts[3 + 3 * row + column] = mass * factor
         return parts
 
