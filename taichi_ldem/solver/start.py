@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from taichi_ldem.scene import Scene
-from taichi_ldem.solver.contact.load_nodes import LoadNodes
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation
@@ -59,6 +58,8 @@ def start_velocity(scene: Scene, place: Floats, masses: Floats) -> Floats:
 
 def _kick_back(simulation: "Simulation") -> None:
     """Take half a step of the forces that loads exert at t = 0 from the velocities."""
+    from taichi_ldem.solver.contact.load_nodes import LoadNodes
+
     scene, dynamics = simulation.scene, simulation.dynamics
     masses, half_step = dynamics.masses(), 0.5 * simulation.time_step
     found = LoadNodes.of(dynamics.lattice, masses, scene.loads)

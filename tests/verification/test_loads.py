@@ -239,3 +239,51 @@ def test_a_block_that_is_pressed_on_a_rough_floor_does_not_slide(taichi: None) -
     moved = [s.observed["load2_displacement_m"] for s in samples if s.time > 1.5e-4]
     assert np.ptp(moved) < 0.1 * np.mean(moved)
     assert np.mean(moved) < 1e-3 * SPACING
+
+
+@pytest.mark.slow  # its kernels are of their own
+def test_the_balance_closes_with_damping_and_uneven_nodes(taichi: None) -> None:
+    from taichi_ldem.solver.simulation import Simulation
+
+    loads = [
+        ALL | {"force": 0.1, "direction": [1, 2, -2]},
+        {"face": "-x", "velocity": 1.0, "direction": "-x", "course": "ramp", "ramp": 4e-6},
+        {"face": "+x", "traction": 1e6, "direction": "x"} | TABLE,
+    ]
+    wanted = block_scene(
+        8,
+        4,
+        2,
+        load=loads,
+        start={"velocity": [1, 0, 0]},
+        plate={"perturbation": 0.1},
+        disorder={"density_cv": 0.2, "seed": 2},
+        solver={"duration": 3e-5, "damping": 2e3},
+        output={"history_interval": 1e-6},
+    )
+    samples = [*Simulation(wanted).samples()]
+    assert max(sample.energy_error for sample in samples) < 1e-5
+    assert samples[-1].ledger.damping > 0.05 * samples[-1].ledger.external
+
+
+@pytest.mark.slow  # its kernels are of their own
+def test_a_strained_strip_with_held_ends_stays_strained(taichi: None) -> None:
+    """With the strain across that fits Poisson's ratio; the ends carry E A times the strain."""
+    from taichi_ldem.solver.simulation import Simulation
+
+    strain, nu = 1e-3, PMMA["poisson_ratio"]
+    wanted = block_scene(
+        16,
+        8,
+        4,
+        load=[{"face": f"{sign}x", "velocity": 0.0, "direction": f"{sign}x"} for sign in "+-"],
+        start={"strain": [strain, -nu * strain, -nu * strain]},
+        solver={"duration": 2e-5},
+        output={"history_interval": 1e-6},
+    )
+    samples = [*Simulation(wanted).samples()]
+    assert max(sample.energy_error for sample in samples) < 1e-5
+    kinetic = max(sample.ledger.kinetic_plate for sample in samples)
+    assert kinetic < 0.015 * samples[0].ledger.strain
+    held = np.mean([sample.observed["load1_force_n"] for sample in samples[2:]])
+    assert held == pytest.approx(PMMA["youngs_modulus"] * strain * 32 * SPACING**2, rel=0.07)
