@@ -60,7 +60,8 @@ class Sampler:
 
     Attributes:
         recorded: (bodies, 2) f64: see ``LOST``.
-        impulses: of every body at the last sample, N s, by name; 0 for absent bodies.
+        impulses: of every body at the last sample, N s, by name; 0 for absent bodies. Then those
+            on bodies that have any along x and y.
         probes: of the scene; None where it has none.
     """
 
@@ -78,7 +79,9 @@ class Sampler:
 
     def start(self) -> None:
         """Clear the last sample."""
-        self.impulses = dict.fromkeys((body.name for body in BODIES), 0.0)
+        names = [body.name for body in BODIES]
+        names += [f"{b.name}.{axis}" for b in self.bodies if b.sideways for axis in "xy"]
+        self.impulses = dict.fromkeys(names, 0.0)
 
     def place(self, scene: Scene) -> None:
         """Take the probes of another scene.
@@ -166,10 +169,17 @@ class Sampler:
         for declared in BODIES:
             if declared.name in by_name:
                 body, reading = by_name[declared.name]
-                force = (reading.impulse - self.impulses[body.name]) / since
-                self.impulses[body.name] = reading.impulse
+                force = self._force(body.name, reading.impulse, since)
                 values = body.observe(reading, force, at, now)
+                across = zip("xy", body.impulses_sideways(), strict=False)
+                values += tuple(self._force(f"{body.name}.{a}", i, since) for a, i in across)
                 observed |= dict(zip(body.columns, values, strict=True))
         if self.probes is not None:
             observed |= self.probes.observed(now)
         return observed
+
+    def _force(self, name: str, impulse: float, since: float) -> float:
+        """The mean force since the last sample, N, from an impulse since the start, N s."""
+        force = (impulse - self.impulses[name]) / since
+        self.impulses[name] = impulse
+        return force

@@ -48,6 +48,7 @@ class Watched:
         from taichi_ldem.solver.simulation import Simulation
 
         self.simulation = s = Simulation(scene)
+        s.compile()  # as a run does; it must leave nothing behind
         self.body = body = Body(s.dynamics.lattice.mask, SPACING)
         self.masses = MODULE_MASS * body.mass_shares[:, None]
         self.samples: list[Sample] = []

@@ -38,11 +38,15 @@ class Bodies:
         return ";  ".join(drawing.caption for drawing in self.drawings)
 
     def outlines(self, rotation: Floats, centre: Floats) -> list[Floats]:
-        """Closed outline (n, 2) of every solid in a picture's coordinates, m."""
+        """Closed outline (n, 2) of every solid in a picture's coordinates, m.
+
+        From above, one under the plate is hidden.
+        """
+        above = rotation[2, 2] > _SIDEWAYS
         return [
             _outline(drawing.faces, rotation, centre)
             for drawing in self.drawings
-            if len(drawing.faces)
+            if len(drawing.faces) and not (above and drawing.below)
         ]
 
     def circles(self, rotation: Floats, centre: Floats) -> list[Floats]:

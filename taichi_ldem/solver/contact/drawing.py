@@ -24,12 +24,14 @@ class Drawing:
         faces: (F, 4, 3) of a solid, counter-clockwise from outside, m.
         radii: of circles around the plate's axis on both of its faces, m.
         thickness: of the plate, m.
+        below: whether the solid lies under the plate, which hides it from above.
     """
 
     caption: str
     faces: Floats = field(default_factory=no_faces)
     radii: tuple[float, ...] = ()
     thickness: float = 0.0
+    below: bool = False
 
 
 TURN = 64

@@ -64,20 +64,14 @@ class Striker(Body):
         return (*self.observables, *self._sideways())
 
     def _sideways(self) -> Iterator[Observable]:
+        """The motion along x and along y; then the forces, as ``Sampler`` has them."""
         for axis in "xy":
-            start, along = f"{self.name}_{{}}_{axis}", f"along {axis}"
-            yield Observable(
-                f"{start.format('displacement')}_m",
-                f"{self.words} displacement {along}",
-                "m",
-                along,
-            )
-            yield Observable(
-                f"{start.format('velocity')}_m_s", f"{self.words} velocity {along}", "m/s", along
-            )
-            yield Observable(
-                f"{start.format('force')}_n", f"force on the {self.words} {along}", "N", along
-            )
+            for what, ending, unit in (("displacement", "m", "m"), ("velocity", "m_s", "m/s")):
+                label = f"{self.words} {what} along {axis}"
+                yield Observable(f"{self.name}_{what}_{axis}_{ending}", label, unit)
+        for axis in "xy":
+            label = f"force on the {self.words} along {axis}"
+            yield Observable(f"{self.name}_force_{axis}_n", label, "N")
 
     def kernels(self) -> "type[Kernels]":
         """The class of the kernels of a striker on a guide."""

@@ -38,7 +38,7 @@ class Supports(Body):
         table = self.table(scene)
         if table is None or scene.is_beam:
             return None
-        return Drawing("blue: the supports", supports_faces(table))
+        return Drawing("blue: the supports", supports_faces(table), below=True)
 
 
 def supports_faces(table: Table) -> Floats:

@@ -126,6 +126,9 @@ class RigidBody(NearbyNodes):
 
     name = ""
 
+        sideways = False
+    """Whether samples have the forces on the body along x and y, which come last of its columns."""
+
     width = 4
     """Length of a chunk's sums."""
 
@@ -218,6 +221,10 @@ class RigidBody(NearbyNodes):
             now: buffer of the displacement at that time.
         """
         return (force,)
+
+    def impulses_sideways(self) -> list[float]:
+        """Impulses on the body along x and y since the start, N s, where it is ``sideways``."""
+        return []
 
     def energies(self, reading: Reading) -> Energies:
         """The body's terms of the ledger at a sample."""

@@ -1,6 +1,5 @@
 """The striker without a guide: it also moves along x and y, and does not turn."""
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -42,15 +41,15 @@ class UnguidedStriker(Striker):
         state: f64, along x, y and z each: displacement (m), velocity at n + 1/2 and n - 1/2, trial
             change of velocity (m/s), displacement at the start of the step (m), impulse on the
             plate since the start (N s); then as for ``Striker``.
-        last_sample: impulse on the plate along x and y at the last sample, N s, and its time, s.
     """
 
+    sideways = True
     width = 12  # three right sides, and the nine factors of the equations
     entries = 18
 
     def start(self, scene: "Scene", time_step: float, displacement: float = 0.0) -> None:
         """Set the initial velocity, at a displacement (m) along -z from the initial position."""
-        self.table, self.time_step = scene.strikers[self.number], time_step
+        self.table = scene.strikers[self.number]
         down = np.array([0.0, 0.0, -1.0])
         velocity = np.array(self.table.vector) - 0.5 * time_step * self.table.gravity * down
         start = np.zeros(self.state.shape[0])
@@ -62,7 +61,6 @@ class UnguidedStriker(Striker):
         ):
             start[entry : entry + 3] = value
         self.state.from_numpy(start)
-        self.last_sample = np.array([0.0, 0.0, -time_step])
 
     # -- the step
     # -------------------------------------------------------------------------------------
@@ -208,25 +206,16 @@ class UnguidedStriker(Striker):
         return tuple(float(state[e + 2]) for e in (DISPLACEMENT, VELOCITY_BEFORE, VELOCITY))  # type: ignore[return-value]
 
     def observe(self, reading: Reading, force: float, time: float, now: int) -> tuple[Any, ...]:
-        """As for ``Striker``; then displacement, velocity and force along x and y."""
-        place, impulse = self.vector(DISPLACEMENT_BEFORE)[:2], self.vector(IMPULSE)[:2]
-        velocity = 0.5 * (self.vector(VELOCITY_BEFORE) + self.vector(VELOCITY))[:2]
-        last, then = self.last_sample[:2], self.last_sample[2]
-        sideways = (last - impulse) / (time - then)
-        self.last_sample = np.array([*impulse, time])
-        rows = zip(place.tolist(), velocity.tolist(), sideways.tolist(), strict=True)
+        """As for ``Striker``; then displacement and velocity along x, and along y."""
+        place = self.vector(DISPLACEMENT_BEFORE)
+        velocity = 0.5 * (self.vector(VELOCITY_BEFORE) + self.vector(VELOCITY))
         own = super().observe(reading, force, time, now)
-        return (*own, *(value for row in rows for value in row))
+        return (*own, *(float(v) for axis in (0, 1) for v in (place[axis], velocity[axis])))
+
+    def impulses_sideways(self) -> list[float]:
+        """Impulses on the striker along x and y since the start, N s."""
+        return [-float(impulse) for impulse in self.vector(IMPULSE)[:2]]
 
     def kinetic(self, mass: float, reading: Reading) -> float:
         """Kinetic energy of the striker at a sample, J."""
         return float(0.5 * mass * self.vector(VELOCITY_BEFORE) @ self.vector(VELOCITY))
-
-    def saved_state(self) -> dict[str, npt.NDArray]:
-        """As for any body, with what the next sample's forces start from."""
-        return super().saved_state() | {"last_sample": self.last_sample}
-
-    def restore_state(self, saved: Mapping[str, npt.NDArray]) -> None:
-        """Continue from ``saved_state``; ValueError as for any body."""
-        super().restore_state(saved)
-        self.last_sample = np.array(saved["last_sample"])

@@ -7,6 +7,8 @@ import pytest
 from support.blocks import block_scene
 
 from taichi_ldem.analysis.quantities import named
+from taichi_ldem.output.render.bodies import Bodies
+from taichi_ldem.output.render.views import rotation_of
 from taichi_ldem.scenarios.describe import left_out
 from taichi_ldem.scenarios.runner import columns
 from taichi_ldem.solver.contact import bodies_of
@@ -64,6 +66,11 @@ def test_round_supports_are_drawn_under_the_plate(keys: dict[str, Any], size: fl
     drawn = body.drawing(scene, {}, 0.0)
     assert drawn is not None
     assert drawn.faces[..., 2].max() == pytest.approx(0.0, abs=1e-9)
+    seen = Bodies((drawn,))
+    assert [len(seen.outlines(rotation_of(0.0, angle), np.zeros(3))) for angle in (90, -90)] == [
+        0,
+        1,
+    ]
     assert np.abs(drawn.faces[..., 0]).max() == pytest.approx(2.5e-3)
     assert volume(drawn.faces) == pytest.approx(size, rel=0.05)
 
