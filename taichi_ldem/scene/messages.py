@@ -10,6 +10,7 @@ from pydantic_core import ErrorDetails
 
 from taichi_ldem.scene.schema import (
     holds_names,
+    holds_points,
     is_list,
     length_of,
     limits_of,
@@ -171,6 +172,7 @@ def _elements(location: Location, schema: type[BaseModel]) -> str:
             if table_of(field) is not None:
                 return "tables"
             kind = "names" if holds_names(field) else "numbers"
+            kind = "points [x, y, z]" if holds_points(field) else kind
             return kind if is_list(field) else f"{length_of(field)} {kind}"
     return "numbers"
 

@@ -53,6 +53,15 @@ def holds_names(field: FieldInfo) -> bool:
     return any(typing.get_origin(kind) is typing.Literal for kind in _flat(field.annotation))
 
 
+def holds_points(field: FieldInfo) -> bool:
+    """Whether a field's list holds lists of numbers."""
+    return any(
+        typing.get_origin(kind) is tuple
+        and any(typing.get_origin(inner) is tuple for inner in typing.get_args(kind))
+        for kind in _flat(field.annotation)
+    )
+
+
 def length_of(field: FieldInfo) -> int | None:
     """Number of elements that a field's list must have; None where any will do."""
     for kind in _flat(field.annotation):

@@ -9,6 +9,7 @@ import numpy as np
 from taichi_ldem.output.curves.chart import (
     BLACK,
     BLUE,
+    BROWN,
     GREEN,
     GREY,
     ORANGE,
@@ -28,7 +29,7 @@ _STORED = (
     ("kinetic_plate_j", "kinetic, plate", ORANGE),
     ("contact_j", "lost in contact", GREEN),
     ("damping_j", "lost by damping", VIOLET),
-    ("notch_j", "taken by notches", BLUE),
+    ("notch_j", "taken by notches", BROWN),
     ("pieces_elastic_j", "stored where pieces touch", BLACK),
 )
 """Column, label and colour of the energies that the plate received."""

@@ -158,6 +158,11 @@ def geometry(scene: Scene) -> tuple[float, float, float]:
     notches = [notch for notch in scene.notch if notch.normal == "x"]
     if scene.scenario != "tension" or len(notches) != 1:
         raise SceneError('a strip needs scenario = "tension" and one [[notch]] with normal = "x"')
+    for number, notch in enumerate(scene.notch):
+        if notch.normal is None:
+            raise SceneError(
+                f"notch[{number}]: a strip takes notches that are normal to an axis only"
+            )
     tip, edge = notches[0].bounds[0][1], scene.plate.size[1] / 2
     if tip >= edge:
         raise SceneError(f"notch[0].to = {notches[0].to}: must leave a ligament along y")

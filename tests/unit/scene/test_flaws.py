@@ -19,7 +19,12 @@ DISC = {"centre": [0.0, 0.0, 5e-4], "diameter": 1e-3, "direction": [1.0, 1.0, 0.
         ({"normal": "x"}, r"missing key 'notch\[0\].position'"),
         ({"centre": DISC["centre"]}, r"missing key 'notch\[0\].diameter'"),
         (RECTANGLE | {"points": POINTS}, r"notch\[0\].points: is not for a rectangle"),
-        ({"points": POINTS[:2]}, r"notch\[0\].points"),
+        (
+            {"points": POINTS[:2]},
+            r"notch\[0\].points = \[.*\]: must be a list of 3 points \[x, y, z\]",
+        ),
+        ({"points": 5.0}, r"points = 5.0: must be a list of 3 points \[x, y, z\]"),
+        ({"points": [[0.0, 1.0], *POINTS[1:]]}, r"points\[0\] = .*: must be a list of numbers"),
         (
             {"points": [[0.0, 0.0, 0.0], [1e-3, 0.0, 0.0], [2e-3, 0.0, 0.0]]},
             "must be three corners that lie on no line",

@@ -45,6 +45,10 @@ def test_every_direction_has_its_strips_and_two_have_finer_ones() -> None:
 def test_what_is_no_strip_is_refused() -> None:
     data = BASE.model_dump(by_alias=True, exclude_none=True)
     without = parse_scene({name: table for name, table in data.items() if name != "notch"})
+    disc = {"centre": [0.0, 0.0, 0.0], "diameter": 2e-3, "direction": [1.0, 0.0, 0.0]}
+    two = data | {"notch": [*data["notch"], disc]}
+    with pytest.raises(SceneError, match=r"notch\[1\]: a strip takes notches that are normal"):
+        strips(parse_scene(two))
     with pytest.raises(SceneError, match=r"needs scenario = .tension. and one \[\[notch\]\]"):
         strips(without)
     elastic = parse_scene(data | {"material": {"damage": False, **ELASTIC}})
