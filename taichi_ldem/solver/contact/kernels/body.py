@@ -126,7 +126,7 @@ class RigidBody(NearbyNodes):
 
     name = ""
 
-        sideways = False
+    sideways = False
     """Whether samples have the forces on the body along x and y, which come last of its columns."""
 
     width = 4
