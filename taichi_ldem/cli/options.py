@@ -30,6 +30,13 @@ Resume = Annotated[
 Arch = Annotated[str | None, typer.Option(help="cpu, cuda (or gpu) or vulkan")]
 Precision = Annotated[str | None, typer.Option(help="f64 or f32")]
 Threads = Annotated[int | None, typer.Option(help="CPU threads (default: all cores)")]
+Figures = Annotated[
+    bool,
+    typer.Option(
+        "--figures/--no-figures",
+        help="draw figures and pictures at the end; `ldem plot` and `ldem render` draw them later",
+    ),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", help="print nothing on success")]
 
 

@@ -10,6 +10,7 @@ import typer
 
 from taichi_ldem.cli.options import (
     Arch,
+    Figures,
     Folder,
     Force,
     Out,
@@ -34,6 +35,7 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
     "threads": (Threads, None),
     "settings": (Settings, None),
     "quiet": (Quiet, False),
+    "figures": (Figures, True),
 }
 """Type and default of the options that the commands of all scenarios share."""
 
@@ -109,7 +111,7 @@ def run(entry: Scenario, scene_file: Path, given: dict[str, Any]) -> None:
     from taichi_ldem.api import draw_run
     from taichi_ldem.scenarios import launch
 
-    how = {"quiet": given["quiet"], "draw": draw_run}
+    how = {"quiet": given["quiet"], "draw": draw_run if given["figures"] else None}
     if given.get("resume"):
         raise typer.Exit(launch.go_on(entry, scene, folder, **how))
     raise typer.Exit(launch.run(entry, scene, folder, force=given["force"], **how))
@@ -143,9 +145,11 @@ def resume(
         typer.Option(metavar="SECONDS", help="run on past the end, seconds of simulation"),
     ] = 0.0,
     quiet: Quiet = False,
+    figures: Figures = True,
 ) -> None:
     """Go on with a run that was cut off, from its last checkpoint."""
     from taichi_ldem.api import draw_run
     from taichi_ldem.scenarios import launch
 
-    raise typer.Exit(launch.resume(folder, extend=extend, quiet=quiet, draw=draw_run))
+    draw = draw_run if figures else None
+    raise typer.Exit(launch.resume(folder, extend=extend, quiet=quiet, draw=draw))

@@ -83,7 +83,7 @@ def _carry_out(task: Task, tell: Callable[[str], None]) -> str:
     write_whole(file, scene_to_toml(task.scene).encode())
     entry = entry_of(task.scene)
     command = [sys.executable, "-m", "taichi_ldem.cli", entry.command, str(file)]
-    command += ["--out", str(folder), "--quiet"]
+    command += ["--out", str(folder), "--quiet", "--no-figures"]
     begun = RunFolder(folder)
     goes_on = entry.resumable and begun.can_go_on and _same(begun, task.scene)
     command.append("--resume" if goes_on else "--force")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taichi_ldem.gallery.problem import Finding, Problem, Run, Runs, between
+from taichi_ldem.storage.fields import read_broken_bars
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -59,8 +60,6 @@ def _judge(runs: Runs) -> list[Finding]:
 
 
 def _draw(figure: Figure, runs: Runs) -> None:
-    from matplotlib.image import imread
-
     counts = _counts(runs)
     grid = figure.add_gridspec(2, max(2, len(counts)), height_ratios=(1.0, 1.0))
     axes = figure.add_subplot(grid[0, :])
@@ -71,14 +70,11 @@ def _draw(figure: Figure, runs: Runs) -> None:
     axes.set(xlabel="speed of the striker [m/s]", ylabel="radial cracks")
     axes.legend()
     for column, speed in enumerate(counts):
-        picture = runs[_name(speed)].folder.path / "crack_0.12ms_below.png"
+        place = 1e3 * read_broken_bars(runs[_name(speed)].folder.fields_file).position_m
         panel = figure.add_subplot(grid[1, column])
-        panel.axis("off")
+        panel.plot(place[:, 0], place[:, 1], ".", markersize=1)
+        panel.set(aspect="equal", xlim=(-40, 40), ylim=(-40, 40), xlabel="x [mm]")
         panel.set_title(f"{speed:g} m/s", fontsize=11)
-        if picture.is_file():
-            image = imread(picture)
-            height, width = image.shape[:2]
-            panel.imshow(image[height // 9 : -height // 7, width // 6 : -width // 6])
 
 
 PROBLEM = Problem(
