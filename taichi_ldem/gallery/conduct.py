@@ -13,6 +13,7 @@ from pathlib import Path
 
 from taichi_ldem.errors import DamagedFile
 from taichi_ldem.gallery.problem import Run
+from taichi_ldem.scenarios.child import tied
 from taichi_ldem.scenarios.registry import entry_of
 from taichi_ldem.scene import Scene, scene_to_toml
 from taichi_ldem.storage.durable import write_whole
@@ -89,7 +90,8 @@ def _carry_out(task: Task, tell: Callable[[str], None]) -> str:
     command.append("--resume" if goes_on else "--force")
     started = time.perf_counter()
     tell(f"{name}: {'goes on' if goes_on else 'begins'}")
-    ended = subprocess.run(command, capture_output=True, text=True)
+    # the run writes a checkpoint and ends where this process does
+    ended = subprocess.run(tied(command), capture_output=True, text=True)
     if ended.returncode:
         lines = (ended.stderr.strip() or ended.stdout.strip()).splitlines()
         return f"exit code {ended.returncode}: {(lines or [''])[-1]}"

@@ -43,7 +43,8 @@ def test_a_run_that_fails_is_named_with_its_last_line(
     lines: list[str] = []
     failed = conduct.conduct(tasks, 2, lines.append)
     assert failed == {"strip/bar": "exit code 3: stopped: not finite"}
-    assert commands[0][3:5] == ["tension", str(tmp_path / "strip/bar.toml")]
+    at = commands[0].index("tension")
+    assert commands[0][at + 1] == str(tmp_path / "strip/bar.toml")
     assert lines == ["strip/bar: begins"]
 
 
