@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+IMAGES = "images/gallery"
+"""Where pictures lie beside the page, so that both can be copied into a folder of docs."""
+
+
 @dataclass(frozen=True)
 class Outcome:
     """What came out of a problem.
@@ -54,7 +58,7 @@ def write(outcomes: Sequence[Outcome], out: Path, *, quick: bool) -> Path:
     """Write ``gallery.md``, ``gallery.json`` and a picture for each problem; returns the page."""
     parts = [_head(outcomes, quick=quick)]
     for outcome in outcomes:
-        image = out / "images" / f"{outcome.name}.png"
+        image = out / IMAGES / f"{outcome.name}.png"
         if not outcome.failed:
             image.parent.mkdir(parents=True, exist_ok=True)
             save(image, partial(_draw, outcome), size=outcome.problem.size, dpi=110)
@@ -118,7 +122,7 @@ def _section(outcome: Outcome) -> str:
         )
         text += "".join(_row(finding) for finding in outcome.findings)
     if not outcome.failed:
-        text += f"\n![{problem.title}](images/{outcome.name}.png)\n"
+        text += f"\n![{problem.title}]({IMAGES}/{outcome.name}.png)\n"
     if problem.why:
         text += f"\n{problem.why}\n"
     return text

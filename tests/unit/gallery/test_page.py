@@ -27,8 +27,8 @@ def test_the_page_tells_hits_misses_and_failures(tmp_path: Path) -> None:
     assert "| E [GPa] | 3.35 ± 5 % | 3.3 | -1.5 % of the middle | holds |" in page
     assert "| x: nu | 0.25 ± 5 % | 0.3 | +14.3 % beyond its end | **misses** |" in page
     assert "Missing: lost/run: exit code 2: no." in page
-    assert (tmp_path / "images/bar.png").stat().st_size > 1000
-    assert not (tmp_path / "images/lost.png").exists()
+    assert (tmp_path / "images/gallery/bar.png").stat().st_size > 1000
+    assert not (tmp_path / "images/gallery/lost.png").exists()
     record = json.loads((tmp_path / "gallery.json").read_text())
     assert [f["holds"] for f in record["problems"]["bar"]["findings"]] == [True, False]
     assert record["problems"]["lost"]["failed"] == {"lost/run": "exit code 2: no"}
