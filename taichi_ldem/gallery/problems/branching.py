@@ -55,7 +55,7 @@ def branch(run: LoadedRun) -> float | None:
 def _speed(run: LoadedRun) -> float | None:
     """Speed of the crack before it branches, over that of Rayleigh waves."""
     material, at = run.scene.material, branch(run) or 0.02
-    crack = advance(run, tip=(0.0, 0.0), reach=APART)
+    crack = advance(run, tip=(0.0, 0.0), reach=4e-3)
     wave = rayleigh_speed(material.youngs_modulus, material.poisson_ratio, material.density)
     speed = crack.speed(0.4 * at, at)
     return None if speed is None else speed / wave
