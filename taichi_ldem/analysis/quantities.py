@@ -80,6 +80,7 @@ NUMBERS: dict[str, Number] = {
     "striker_velocity_end_m_s": Number("striker velocity at the end", "m/s"),
     "contact_striker_j": Number("lost in contact with the striker", "J"),
     "contact_rings_j": Number("lost in contact with the rings", "J"),
+    "contact_supports_j": Number("lost in contact with the supports", "J"),
     "radial_cracks": Number("radial cracks"),
     "radial_diameter_m": Number("d_r, circle of the radial tips", *_MM),
     "radial_centre_m": Number("its centre", *_MM),
