@@ -51,10 +51,10 @@ def _velocity(value: Any) -> Any:
 class Striker(Table):
     """A rigid nose on a shaft of the same width. It does not turn.
 
-    hemisphere: half a sphere on a round shaft; cylinder: half a cylinder on a flat shaft, with its
-    axis along y and longer than the plate is wide; flat: a round shaft with a flat end and a sharp
-    edge; cone, ogive: a pointed end of a round shaft; ring: the round edge of a tube. Several
-    strikers are several tables `[[striker]]`.
+    hemisphere: half a sphere on a round shaft, also for a ball; cylinder: half a cylinder on a flat
+    shaft, with its axis along y and longer than the plate is wide; flat: a round shaft with a flat
+    end and a sharp edge; cone, ogive: a pointed end of a round shaft; ring: the round edge of a
+    tube. Several strikers are several tables `[[striker]]`.
     """
 
     shape: NoseName = Field(default="hemisphere", description="shape of the nose")
