@@ -80,6 +80,7 @@ NUMBERS: dict[str, Number] = {
     "striker_velocity_end_m_s": Number("striker velocity at the end", "m/s"),
     "contact_striker_j": Number("lost in contact with the striker", "J"),
     "contact_rings_j": Number("lost in contact with the rings", "J"),
+    "contact_supports_j": Number("lost in contact with the supports", "J"),
     "radial_cracks": Number("radial cracks"),
     "radial_diameter_m": Number("d_r, circle of the radial tips", *_MM),
     "radial_centre_m": Number("its centre", *_MM),
@@ -170,7 +171,8 @@ _ENDINGS = {
 def named(key: str) -> Number:
     """How a number is shown.
 
-    A key of a scene is its own label. An unknown number is labelled by its words, in SI units.
+    A key of a scene is its own label. An unknown number is labelled by its words, in SI units
+    or, if it is a displacement, in millimetres.
     """
     if "." in key and key not in NUMBERS:
         return Number(key, unit_of(key))
@@ -179,6 +181,8 @@ def named(key: str) -> Number:
     if (further := re.match(r"(.*striker)(\d+)(_.*)", key)) is not None:
         first = named(further[1] + further[3])
         return replace(first, label=first.label.replace("striker", f"striker {further[2]}"))
+    if re.search(r"_displacement(_[xyz])?_m$", key):  # of a load, a probe or a striker
+        return Number(key.removesuffix("_m").replace("_", " "), *_MM)
     ending, unit = next((item for item in _ENDINGS.items() if key.endswith(item[0])), ("", ""))
     return Number(key.removesuffix(ending).replace("_", " "), unit)
 

@@ -8,7 +8,8 @@ not.
   of a crack through the thickness H that is H long.
 - First peak (P1, t1): the first maximum of the smoothed force, from damage onset on, after which it
   falls by 3 % before it exceeds that maximum again. Where the force falls from the onset on, it is
-  the maximum of half a window before.
+  the maximum of half a window before; where it falls from earlier on, the fall is not that of a
+  damaged plate, and the peak is sought once the force has risen again by 3 %.
 - Failure time (t2): the first time from damage onset on at which the smoothed force is below half
   of the largest before it. If the force comes back above this half before it has fallen below a
   fifth of the largest, cracks have popped in and the plate has not failed.
@@ -21,6 +22,7 @@ The paper advises to read t2 from records without oscillations (text on Figs. 13
 - t2 from the strain energy: the time of its largest value, if it later falls below half of that.
 - t2 from the velocity: the time at which the striker's deceleration (change of velocity over a
   window) falls most, if the mean deceleration from a window later to the end is less than half.
+  A striker that moves away from the plate then has been thrown back, and there is no failure.
 
 Filtered force (Fig. 11(a)): low-pass at a free-oscillation frequency of the specimen, for t > t1.
 ASTM D3763: load and deflection at the largest load, energy to it, and total energy.
@@ -121,6 +123,27 @@ def force_peaks(time: Array, force: Array, onset: float | None, window: float) -
     if first == begin:  # the moving average falls before a sudden fall of the force
         start = max(0, begin - _half(time, window))
         first = start + int(np.argmax(smooth[start : begin + 1]))
+        if first == start and smooth[max(0, start - 1)] > smooth[start]:
+            return _after_a_valley(time, smooth, begin)
+    return _from_first_peak(time, smooth, first, begin)
+
+
+def _after_a_valley(time: Array, smooth: Array, begin: int) -> ForcePeaks:
+    """The peaks of a force that fell before the plate was damaged, once it has risen again.
+
+    Such a fall is that of an oscillation, or of a striker that is thrown back: no peak.
+    """
+    lowest = np.minimum.accumulate(smooth[begin:])
+    back = np.flatnonzero(smooth[begin:] > lowest + PEAK_DROP * smooth[begin])
+    if not len(back):
+        return ForcePeaks()
+    begin += int(back[0])
+    first = _first_peak(smooth, begin)
+    return ForcePeaks() if first is None else _from_first_peak(time, smooth, first, begin)
+
+
+def _from_first_peak(time: Array, smooth: Array, first: int, begin: int) -> ForcePeaks:
+    """The first peak at an index, the failure from ``begin`` on, and the second peak."""
     found = ForcePeaks(float(smooth[first]), float(time[first]))
     end = _failure(smooth, begin)
     if end < len(time):
@@ -201,6 +224,8 @@ def velocity_failure(
     # failure takes up to half a millisecond, so that the deceleration in the end decides
     start = min(int(index[kink]) + width, len(time) - 1 - (width + 1) // 2)
     remaining = (velocity[start] - velocity[-1]) / (time[-1] - time[start])
+    if velocity[index[kink]] < 0:  # thrown back: the plate has held
+        return None
     if before[kink] <= 0 or remaining >= FAILURE_SHARE * before[kink]:
         return None
     return float(time[index[kink]])

@@ -27,7 +27,8 @@ def body(scene: Scene) -> Mask:
             raise SceneError(f"hole[{number}]: cuts out no module")
         mask = mask & ~cut
         if not mask.any():
-            raise SceneError(f"hole[{number}]: leaves nothing of the plate")
+            within = f"which is {' x '.join(f'{side:g}' for side in plate.size)} in metres"
+            raise SceneError(f"hole[{number}]: leaves nothing of the plate, {within}")
     return mask
 
 
@@ -63,9 +64,19 @@ def hole_mask(plate: Plate, hole: Hole) -> Mask:
     places = np.stack([*np.meshgrid(x, y), np.zeros((ny, nx))], axis=-1)
     if plate.angle:
         places = turned(places, math.radians(plate.angle))
+    slack = 1e-9 * plate.spacing  # centres that rounding alone would put outside
+    return _within(hole, places, slack)[None]
+
+
+def hole_covers(hole: Hole, x: float, y: float) -> bool:
+    """Whether a place of the plate, m, lies within a hole."""
+    return bool(_within(hole, np.array([x, y, 0.0]), 0.0))
+
+
+def _within(hole: Hole, places: npt.NDArray[np.float64], slack: float) -> Mask:
+    """(...) which places (..., 3), m, are within a hole or less than ``slack`` outside of it."""
     places = turned(places - np.array([*hole.centre, 0.0]), math.radians(hole.angle))
     along, across = np.abs(places[..., 0]), np.abs(places[..., 1])
-    slack = 1e-9 * plate.spacing  # centres that rounding alone would put outside
     if hole.size is None:
         assert hole.diameter is not None
         inside = np.hypot(along, across) <= hole.diameter / 2 + slack
@@ -75,7 +86,7 @@ def hole_mask(plate: Plate, hole: Hole) -> Mask:
         length, width = hole.size
         beyond = np.maximum(along - (length - width) / 2, 0.0)
         inside = np.hypot(beyond, across) <= width / 2 + slack
-    return np.asarray(inside)[None]
+    return np.asarray(inside)
 
 
 def hole_area(hole: Hole) -> float:

@@ -12,7 +12,7 @@ from rich.text import Text
 from taichi_ldem.model import crack_cost
 from taichi_ldem.model import material as mat
 from taichi_ldem.model.disorder import cv_from_shape, shape_of
-from taichi_ldem.scenarios import describe_cuts, leave_out
+from taichi_ldem.scenarios import describe_cuts, leave_out, strikers_in_words
 from taichi_ldem.scenarios.loads_in_words import loads_in_words
 from taichi_ldem.scenarios.resolution import unresolved
 from taichi_ldem.scene import Scene
@@ -113,6 +113,7 @@ def warnings(scene: Scene, steps: int | None = None) -> list[str]:
     """
     plate, m = scene.plate, scene.material
     lines = [*_slips(scene, steps), *unresolved(scene), *describe_cuts.remarks(scene)]
+    lines += strikers_in_words.remarks(scene)
     c11, c12, c44 = mat.elastic_constants(m.youngs_modulus, m.poisson_ratio, plate.stiffness)
     anisotropy = 2 * c44 / (c11 - c12)
     rough = not 0.2 <= m.poisson_ratio <= 0.3 and plate.stiffness != "volumetric"
@@ -312,6 +313,7 @@ def describe(scene: Scene, measured: bool = False, fields: bool = False) -> Grou
         "steps": f"{simulation.steps:,}",
     }
     sizes = simulation.field_bytes()
+    rows |= strikers_in_words.rows(scene)
     rows |= loads_in_words(simulation)
     rows |= describe_cuts.rows(scene, lattice)
     rows |= _disorder(scene, simulation.drawn)

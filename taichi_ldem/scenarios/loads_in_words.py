@@ -27,5 +27,6 @@ def loads_in_words(simulation: "Simulation") -> dict[str, str]:
     if scene.probes:
         which = simulation.sampler.probes.found.which
         for n, probe in enumerate(scene.probes):
-            rows[f"probe {probe.name}"] = f"{int(np.count_nonzero(which == n))} nodes"
+            count = int(np.count_nonzero(which == n))
+            rows[f"probe {probe.name}"] = "1 node" if count == 1 else f"{count} nodes"
     return rows

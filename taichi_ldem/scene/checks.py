@@ -275,6 +275,7 @@ def refuse_coarse(scene: Scene, name: str = "") -> Bars:
             f"{where}plate.modules_through_thickness = {plate.modules_through_thickness}: "
             f"too coarse for {kind} bars to soften: K_r = {family.ductility:.3f} < 1 (Eq. 12); "
             f"take at least {modules} modules (an edge of {largest * 1e3:.4g} mm at most), or give "
+            'material.fracture = "crack", with which a crack still costs about G_f, or '
             f"material.limit_strain >= {_rounded_up(family.peak_strain)}, with which bars "
             "dissipate more than G_f" + ("; plate.size is in metres" if metres else "")
         )

@@ -67,7 +67,7 @@ def check_supports(scene: Scene) -> None:
     key = "ring_diameter" if supports.kind == "ring" else "circle_diameter"
     width = plate.diameter or min(plate.size[:2])
     if supports.across > width:
-        why = f"must be at most {width!r}, the width of the plate"
+        why = f"must be at most {width!r}, the width of the plate in metres"
         raise refuse(f"supports.{key}", supports.across, why)
     limit, text = supports.across, f"supports.{key} = {supports.across!r}"
     if supports.count is not None:

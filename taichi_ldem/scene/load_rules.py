@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from taichi_ldem.scene.loads import KINDS, Load, Probe
+from taichi_ldem.scene.strikers import MOST_STRIKERS
 from taichi_ldem.scene.values import refuse
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ LISTED = {"load": "load", "probe": "probe"}
 
 RESERVED = (
     "striker", "ring", "rings", "grip", "grips", "gauge", "support", "supports", "floor",
-    "pieces", "plate",
+    "pieces", "plate", *(f"striker{number}" for number in range(2, MOST_STRIKERS + 1)),
 )  # fmt: skip
 """Names with which columns of the history begin already."""
 

@@ -188,7 +188,10 @@ class Probe(Table):
         default=None,
         description="name of the probe in the columns; without it, probe1, probe2 ...",
     )
-    point: Vector | None = Field(default=None, description="the node that is nearest to a point, m")
+    point: Vector | None = Field(
+        default=None,
+        description="the node that is nearest to a point, m; z = 0 is the lower face",
+    )
     box: tuple[Vector, Vector] | None = Field(
         default=None, description="all nodes in the box between two opposite corners, m"
     )

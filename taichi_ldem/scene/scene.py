@@ -232,7 +232,9 @@ def parse_scene(
         # --set need not number the only table of its kind
         bare = re.sub(r"^(unknown key ')?(\w+)\[0\]\.", r"\1\2.", message)
         if any(
-            bare.startswith((f"{key} =", f"{key}[", f"unknown key '{key}'")) for key in overridden
+            text.startswith((f"{key} =", f"{key}[", f"unknown key '{key}'"))
+            for key in overridden
+            for text in (message, bare)
         ):
             name = "command line"
         raise SceneError(f"{name}: {message}") from None

@@ -51,10 +51,10 @@ def _velocity(value: Any) -> Any:
 class Striker(Table):
     """A rigid nose on a shaft of the same width. It does not turn.
 
-    hemisphere: half a sphere on a round shaft; cylinder: half a cylinder on a flat shaft, with its
-    axis along y and longer than the plate is wide; flat: a round shaft with a flat end and a sharp
-    edge; cone, ogive: a pointed end of a round shaft; ring: the round edge of a tube. Several
-    strikers are several tables `[[striker]]`.
+    hemisphere: half a sphere on a round shaft, also for a ball; cylinder: half a cylinder on a flat
+    shaft, with its axis along y and longer than the plate is wide; flat: a round shaft with a flat
+    end and a sharp edge; cone, ogive: a pointed end of a round shaft; ring: the round edge of a
+    tube. Several strikers are several tables `[[striker]]`.
     """
 
     shape: NoseName = Field(default="hemisphere", description="shape of the nose")
@@ -63,8 +63,8 @@ class Striker(Table):
     )
     nose_angle: Annotated[Real, Field(ge=1, le=89)] | None = Field(
         default=None,
-        description="angle between the axis and the flank of a cone, degrees; for shape = 'cone'"
-        " only",
+        description="angle between the axis and the flank of a cone, degrees: half of the angle"
+        " between the flanks; for shape = 'cone' only",
     )
     nose_radius: Positive | None = Field(
         default=None,
@@ -80,7 +80,9 @@ class Striker(Table):
         description="mass of the striker, kg; needed and used with motion = 'free' only",
     )
     velocity: Annotated[NonNegative | tuple[Real, Real, Real], BeforeValidator(_velocity)] = Field(
-        description="initial velocity towards the plate or, as a list, along x, y and z, m/s"
+        description="initial velocity towards the plate or, as a list, along x, y and z, m/s; z is"
+        " negative towards the plate. At an angle a to the vertical, the speed v along x is"
+        " [v sin a, 0, -v cos a], as numbers"
     )
     motion: Literal["free", "prescribed"] = Field(
         default="free",

@@ -53,7 +53,8 @@ class Material(Table):
     )
     failure_strain: Annotated[Real, Field(gt=0, lt=1)] | None = Field(
         default=None,
-        description="strain eps_p at the largest force of a bar, instead of failure_factor",
+        description="strain eps_p at the largest force of a bar, instead of failure_factor: the"
+        " strength measured in tension over youngs_modulus",
     )
     limit_strain: Positive | None = Field(
         default=None,

@@ -90,7 +90,7 @@ def _averaged(run: LoadedRun, column: str) -> Series:
 
 def _other_bodies(run: LoadedRun) -> list[Curve]:
     """Averaged forces of all rigid bodies but the striker that the history has."""
-    names = [c for c in run.history if c.endswith(_FORCE) and c != "striker_force_n"]
+    names = _others(run)
     curves = []
     plural = {o.column: body.name for body in BODIES for o in body.observables_in(run.scene)}
     for number, name in enumerate(names):
@@ -98,6 +98,11 @@ def _other_bodies(run: LoadedRun) -> list[Curve]:
         label = f"{plural[name]}, {_average(run)}{sign}"
         curves.append(Curve(run.time_ms, _averaged(run, name), label, _OTHER_BODIES[number % 3], 1))
     return curves
+
+
+def _others(run: LoadedRun) -> list[str]:
+    """Columns of the forces of all rigid bodies but the first striker."""
+    return [c for c in run.history if c.endswith(_FORCE) and c != "striker_force_n"]
 
 
 def _peaks(run: LoadedRun) -> list[Point]:
@@ -176,10 +181,11 @@ def force_displacement(run: LoadedRun) -> tuple[Panel, ...]:
 
 
 def velocity(run: LoadedRun) -> tuple[Panel, ...]:
-    """The striker's velocity over time."""
+    """The velocity of each striker over time."""
     column = run.history["striker_velocity_m_s"]
     elements: list[Element] = [
         Curve(run.time_ms, column, "striker, positive towards the plate"),
+        *_other_strikers(run),
         times_of(run, "velocity"),
     ]
     if run.is_papers_test:
@@ -192,6 +198,17 @@ def velocity(run: LoadedRun) -> tuple[Panel, ...]:
         ]
     y = "striker velocity [m/s]"
     return (Panel("velocity", "Striker velocity", _TIME, y, elements, x_range=whole(run)),)
+
+
+def _other_strikers(run: LoadedRun) -> list[Curve]:
+    """Velocities of all strikers but the first, in the colours of their forces."""
+    curves = []
+    for count, column in enumerate(_others(run)):
+        name = column.removesuffix(_FORCE)
+        speed = run.history.get(f"{name}_velocity_m_s")
+        if speed is not None:
+            curves.append(Curve(run.time_ms, speed, name, _OTHER_BODIES[count % 3], 1.5))
+    return curves
 
 
 def papers_velocity() -> tuple[Line, Box]:

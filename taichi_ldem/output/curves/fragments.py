@@ -36,9 +36,9 @@ def fragments(run: LoadedRun) -> tuple[Panel, ...]:
     edge = run.scene.plate.spacing
     module = Line(x=_MM * edge * np.cbrt(6 / np.pi), label="one module", colour=DARK, dash="dot")
     debris = 100 * float(mass[~whole].sum()) / float(mass.sum())
-    note = (
-        f"{int(whole.sum())} pieces at {_MS * end:.3f} ms; single nodes: {debris:.3g} % of the mass"
-    )
+    pieces = int(whole.sum())
+    word = "piece" if pieces == 1 else "pieces"
+    note = f"{pieces} {word} at {_MS * end:.3f} ms; single nodes: {debris:.3g} % of the mass"
     return (
         Panel(
             "fragment_mass",

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from taichi_ldem.output.curves import energies, forces, fragments, loads, tension
+from taichi_ldem.output.curves import energies, forces, fragments, loads, probes, tension
 from taichi_ldem.output.curves.chart import Panel
 from taichi_ldem.output.loaded import LoadedRun
 
@@ -39,6 +39,10 @@ def _has_loads(run: LoadedRun) -> bool:
     return bool(run.scene.loads)
 
 
+def _has_probes(run: LoadedRun) -> bool:
+    return bool(run.scene.probes)
+
+
 def _has_section(run: LoadedRun) -> bool:
     return run.has("gauge_strain") and "net_section_m2" in run.summary
 
@@ -66,6 +70,7 @@ def _has_growth(run: LoadedRun) -> bool:
 FIGURES: dict[str, Figure] = {
     "force": Figure("Striker force", _has("striker_force_n"), panels=forces.force),
     "loads": Figure("Forces of the loads", _has_loads, panels=loads.loads),
+    "probes": Figure("Displacement of the probes", _has_probes, panels=probes.probes),
     "floor_force": Figure("Floor force", _has("floor_force_n"), panels=forces.floor_force),
     "force_displacement": Figure(
         "Force over displacement", _has("support_force_n"), panels=forces.force_displacement

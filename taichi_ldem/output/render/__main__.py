@@ -32,6 +32,10 @@ from taichi_ldem.storage.folder import RunFolder
 FloatArray = NDArray[np.floating[Any]]
 
 
+_FITS = 128
+"""Characters of a line that fit on a picture in the size 15."""
+
+
 @dataclass(frozen=True)
 class _Run:
     """A run as it is read once for all pictures."""
@@ -90,7 +94,8 @@ def _draw(
     figure.text(0.5, 0.972, caption, ha="center", va="center", fontsize=20)
     behind = "behind the cut pale blue: faces, brown: walls of cracks" if view.faces_its_cut else ""
     explained = ";  ".join(filter(None, (bodies.caption(), behind)))
-    figure.text(0.5, 0.936, explained, ha="center", va="center", fontsize=15)
+    size = min(15.0, 15.0 * _FITS / max(len(explained), 1))  # several strikers need many words
+    figure.text(0.5, 0.936, explained, ha="center", va="center", fontsize=size)
     if fields.fault:
         note = f"{run.folder.fields_file.name} is damaged: {fields.fault}"
         figure.text(0.5, 0.905, note, ha="center", va="center", fontsize=14, color="red")

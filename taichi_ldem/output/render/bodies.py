@@ -34,8 +34,12 @@ class Bodies:
         return np.asarray(found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-300))
 
     def caption(self) -> str:
-        """The words of all bodies."""
-        return ";  ".join(drawing.caption for drawing in self.drawings)
+        """The words of all bodies; those of one colour stand together."""
+        found: dict[str, list[str]] = {}
+        for drawing in self.drawings:
+            colour, _, body = drawing.caption.partition(": ")
+            found.setdefault(colour, []).append(body)
+        return ";  ".join(f"{colour}: {'; '.join(words)}" for colour, words in found.items())
 
     def outlines(self, rotation: Floats, centre: Floats) -> list[Floats]:
         """Closed outline (n, 2) of every solid in a picture's coordinates, m.

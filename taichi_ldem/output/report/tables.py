@@ -82,7 +82,12 @@ def keys(scene: Scene) -> Table:
     """All keys of a scene with their values and units."""
     from taichi_ldem.storage.provenance import canonical
 
-    rows = [(key, plain(value), unit_of(key)) for key, value in canonical(scene).items()]
+    rows = []
+    for key, value in canonical(scene).items():
+        if isinstance(value, list) and len(value) > 1 and isinstance(value[0], dict):
+            rows += [(f"{key}[{n}]", plain(table), "") for n, table in enumerate(value)]
+        else:
+            rows.append((key, plain(value), unit_of(key)))
     return Table(rows, ("key", "value", "unit"), "Scene, defaults included")
 
 

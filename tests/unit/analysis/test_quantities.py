@@ -39,6 +39,8 @@ def test_numbers_have_their_units():
     assert named("radial_centre_m").with_unit([7.8e-10, 2.5e-4]) == "0, 0.250 mm"
     assert named("striker.velocity").title == "striker.velocity [m/s]"
     assert named("something_else_m").with_unit(0.00123) == "0.00123 m"
+    assert named("striker2_displacement_x_m").with_unit(1.1e-3) == "1.10 mm"
+    assert named("tip_displacement_z_m").title == "tip displacement z [mm]"
     assert named("wave_speed_m_s").title == "wave speed [m/s]"
 
 

@@ -178,3 +178,20 @@ def test_puncture_of_a_spring_that_breaks() -> None:
     assert found.peak_energy == pytest.approx(stiffness * 3.9e-3**2 / 2, rel=0.01)
     assert found.total_energy == pytest.approx(stiffness * 4e-3**2 / 2, rel=1e-6)
     assert puncture(TIME, 0 * force, displacement, WINDOW) == Puncture()
+
+
+def test_a_force_that_fell_long_before_the_onset_has_no_peak_there() -> None:
+    """Before, the force half a window before the onset was the peak, whatever it was."""
+    thrown_back = _record((0, 0), (0.3, 200), (1.2, 0), (10, 0))
+    assert force_peaks(TIME, thrown_back, 0.8e-3, WINDOW) == ForcePeaks()
+    again = _record((0, 0), (0.3, 200), (1.2, 20), (3.0, 600), (3.4, 600), (3.5, 50), (10, 50))
+    peaks = force_peaks(TIME, again, 0.8e-3, WINDOW)
+    assert peaks.first_force == pytest.approx(600.0)
+    assert peaks.failure_time == pytest.approx(3.46e-3, abs=2e-5)
+
+
+def test_a_striker_that_is_thrown_back_has_not_broken_the_plate() -> None:
+    velocity = np.interp(TIME, [0.0, 2e-3, 10e-3], [2.0, -1.0, -1.0])  # leaves the plate at 2 ms
+    assert velocity_failure(TIME, velocity, ONSET, WINDOW) is None
+    through = velocity_failure(TIME, velocity + 2.0, ONSET, WINDOW)
+    assert through == pytest.approx(2e-3, abs=2 * WINDOW)

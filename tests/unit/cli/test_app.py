@@ -154,6 +154,11 @@ BAD = {
         "size = [0.0928, 0.0928, 3.2]",
         "with which bars dissipate more than G_f; plate.size is in metres",
     ),
+    "coarse": Bad(
+        SIZE,
+        "size = [0.0928, 0.0928, 3.2]",
+        'or give material.fracture = "crack", with which a crack still costs about G_f, or',
+    ),
     "coarse_before_uneven": Bad(
         SIZE, "size = [0.0928, 0.0928, 0.006]", "too coarse for longitudinal bars to"
     ),

@@ -108,6 +108,7 @@ def test_an_override_names_the_striker_by_its_number(tmp_path: Path) -> None:
         ("striker.velocity=1", "and this one has 2; give striker[0] to striker[1]"),
         ("striker[2].mass=1", "this scene has 2 [[striker]], numbered from 0"),
         ("plate[0].size=1", "a scene has one table [plate], give it no number"),
+        ("striker[1].mass=-1", "command line: striker[1].mass = -1: must be greater than 0"),
         ("striker[1].mas=1", "command line: unknown key 'striker[1].mas'; did you mean 'mass'?"),
     ):
         with pytest.raises(SceneError) as error:

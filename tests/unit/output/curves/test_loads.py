@@ -36,6 +36,7 @@ def test_each_load_has_a_curve_and_its_work_is_named(tmp_path: Path) -> None:
         "load2, along its direction",
     ]
     assert list(curves[1].y) == [0.0, 3.0]
+    assert "probes" not in found
     given = energies(run)[0].elements[0]
     assert isinstance(given, Curve)
     assert given.label == "plate at the start + work of loads"

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from support.synthetic import synthetic_run
 
-from taichi_ldem.output.render.bodies import bodies_at
+from taichi_ldem.output.render.bodies import Bodies, bodies_at
 from taichi_ldem.output.render.views import rotation_of
 from taichi_ldem.scene import load_scene
+from taichi_ldem.solver.contact.drawing import Drawing
 from taichi_ldem.storage.folder import RunFolder
 
 
@@ -45,3 +46,8 @@ def test_the_clamp_is_circles_from_above_and_places_from_the_side(cracked):
     assert sorted({float(z) for line in side for z in line[:, 1]}) == pytest.approx([0.0, 3.2e-3])
     (outline,) = drawn.outlines(rotation_of(180.0, -90.0), centre)
     np.testing.assert_allclose(np.linalg.norm(outline, axis=1), 6.35e-3, rtol=1e-9)
+
+
+def test_bodies_of_one_colour_stand_together_in_the_caption() -> None:
+    found = Bodies((Drawing("blue: a"), Drawing("dashed: the clamp"), Drawing("blue: b")))
+    assert found.caption() == "blue: a; b;  dashed: the clamp"
