@@ -73,9 +73,9 @@ def _draw(figure: Figure, runs: Runs) -> None:
         radius = 1e3 * run.scene.plate.size[1] / 2
         axes.plot(radius * np.cos(turn), radius * np.sin(turn), "0.6")
         axes.set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
-        axes.set_title(LABELS[name], fontsize=11)
+        axes.set_title(LABELS[name].replace(", ", ",\n"), fontsize=11)
     grid[0].set(xlabel="time [ms]", ylabel="force of a platen [N]")
-    grid[0].legend(fontsize=10)
+    figure.legend(loc="outside lower center", ncols=2, fontsize=11)
 
 
 PROBLEM = Problem(
@@ -98,10 +98,10 @@ PROBLEM = Problem(
     judge=_judge,
     draw=_draw,
     why=(
-        "**The lattice crushes under narrow platens.** A bar across a pressure stretches by nu "
-        "times the strain along it, so a column breaks at 1/nu = 4 times its tensile strength. A "
-        "disc that splits presses on platens of 0.12 D with 13 times its strength. Wider platens "
-        "show this."
+        "**The lattice crushes under narrow platens, so it cannot do this test.** A bar across a "
+        "pressure stretches by nu times the strain along it, so a column breaks at 1/nu = 4 times "
+        "its tensile strength. A disc that splits presses on platens of 0.12 D with 13 times its "
+        "strength. Wider platens show this."
     ),
-    size=(12.0, 4.5),
+    size=(14.0, 5.0),
 )

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 LABELS = {
     "crack": "cracks cost G_f, 16.5 m/s",
+    "crack_fine": "the same, modules of 0.67 mm",
+    "strong": "the same, 1 mm, twice the strength",
     "crack_fast": "cracks cost G_f, 32 m/s",
     "bar": "paper's method, 16.5 m/s",
 }
@@ -66,8 +68,11 @@ def _judge(runs: Runs) -> list[Finding]:
 
 
 def _draw(figure: Figure, runs: Runs) -> None:
-    grid = figure.subplots(1, len(runs), sharey=True, squeeze=False)
-    for axes, (name, run) in zip(grid.ravel(), runs.items(), strict=True):
+    columns = min(3, len(runs))
+    grid = figure.subplots(-(-len(runs) // columns), columns, sharey=True, squeeze=False)
+    for axes in grid.ravel()[len(runs) :]:
+        axes.set_visible(False)
+    for axes, (name, run) in zip(grid.ravel(), runs.items(), strict=False):
         bars = read_broken_bars(run.folder.fields_file)
         x, y = 1e3 * bars.position_m[:, 0], 1e3 * bars.position_m[:, 1]
         points = axes.scatter(x, y, c=1e6 * bars.time_s, s=1.0, cmap="viridis")
@@ -77,7 +82,8 @@ def _draw(figure: Figure, runs: Runs) -> None:
         axes.plot(ray * np.cos(angle), -25 + ray * np.sin(angle), "k--", label="70 degrees")
         axes.set(xlabel="x [mm]", xlim=(-50, 50), ylim=(-50, 50), aspect="equal")
         axes.set_title(LABELS[name], fontsize=11)
-    grid[0][0].set_ylabel("y [mm]")
+    for row in grid:
+        row[0].set_ylabel("y [mm]")
     grid[0][0].legend(fontsize=10)
     figure.colorbar(points, ax=grid.ravel().tolist(), label="time [us]", shrink=0.7)
 
@@ -99,10 +105,24 @@ PROBLEM = Problem(
     ),
     runs=(
         Run("crack", "kalthoff_winkler.toml"),
+        Run(
+            "crack_fine",
+            "kalthoff_winkler.toml",
+            ("plate.modules_through_thickness=3",),
+            quick=None,
+        ),
+        Run("strong", "kalthoff_winkler.toml", ("material.failure_strain=0.012",), quick=None),
         Run("crack_fast", "kalthoff_winkler.toml", ("load[0].velocity=32.0",), quick=None),
         Run("bar", "kalthoff_winkler.toml", ('material.fracture="bar"',), quick=None),
     ),
     judge=_judge,
     draw=_draw,
-    size=(12.0, 5.0),
+    size=(13.0, 8.5),
+    why=(
+        "**The angle depends on the module size and on the strength.** With modules of 1 mm the "
+        "crack is 3 degrees too flat, with 0.67 mm it is right. With twice the strength it is "
+        "flatter by 9 degrees, since the crack then turns away from the notch later. At 32 m/s and "
+        "by the paper's method the material beside the notch is crushed, and cracks start at the "
+        "far edge as well."
+    ),
 )

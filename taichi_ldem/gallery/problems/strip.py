@@ -121,4 +121,9 @@ PROBLEM = Problem(
     judge=_judge,
     draw=_draw,
     size=(10.0, 5.0),
+    why=(
+        "**By the paper's method a crack costs two to three times G_f**, because the bar at its "
+        "tip fails by its own strain, which the module size smears out; it then runs slower and "
+        "wanders ([why, and how much](tension.md#what-a-crack-costs))."
+    ),
 )
