@@ -106,7 +106,7 @@ PROBLEM = Problem(
         "(Bazant and Planas 1998). The crack starts between the loads."
     ),
     runs=(
-        Run("bar", "four_points.toml", quick=("plate.modules_through_thickness=6",)),
+        Run("bar", "four_points.toml", quick=("plate.size=[0.060, 0.0012, 0.006]",)),
         Run("crack", "four_points.toml", ('material.fracture="crack"',), quick=None),
     ),
     judge=_judge,

@@ -8,6 +8,7 @@ from taichi_ldem.errors import SceneError
 from taichi_ldem.gallery import problems
 from taichi_ldem.gallery.problem import SCENES
 from taichi_ldem.gallery.registry import NAMES, chosen, problem_of
+from taichi_ldem.model.material import check
 
 
 def test_every_file_is_listed_and_every_scene_is_used() -> None:
@@ -24,10 +25,10 @@ def test_every_run_has_a_scene_and_a_name_of_its_own(name: str) -> None:
     names = [run.name for run in problem.runs]
     assert len(set(names)) == len(names)
     assert problem.wanted(quick=True), "a quick gallery leaves nothing of it"
-    for run in problem.runs:
-        run.resolved(quick=False)
-    for run in problem.wanted(quick=True):
-        run.resolved(quick=True)
+    scenes = [run.resolved(quick=False) for run in problem.runs]
+    scenes += [run.resolved(quick=True) for run in problem.wanted(quick=True)]
+    for scene in scenes:
+        check(scene)
 
 
 def test_an_unknown_name_is_refused_with_the_known_ones() -> None:
