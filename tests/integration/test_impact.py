@@ -269,7 +269,15 @@ def test_ctrl_c_keeps_what_was_computed(scene: Path) -> None:
 
 def test_zeros_have_no_sign(finished: RunFolder) -> None:
     assert "-0.0" not in finished.history_file.read_text().replace("\n", ",").split(",")
-    names = ("kinetic_plate", "kinetic_bodies", "strain", "fracture", "damping", "contact")
+    names = (
+        "kinetic_plate",
+        "kinetic_bodies",
+        "strain",
+        "fracture",
+        "damping",
+        "contact",
+        "opened",
+    )
     ledger = SimpleNamespace(**dict.fromkeys((*names, "external"), -0.0))
     columns = [o.column for energy in (False, True) for o in observables(energy=energy)]
     zeros = {"observed": dict.fromkeys(columns, -0.0), "time": -0.0, "energy_error": -0.0}
