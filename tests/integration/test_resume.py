@@ -296,7 +296,14 @@ def test_without_an_interval_there_are_no_checkpoints(scene: Path) -> None:
     assert not list(out.glob("checkpoint*"))
 
 
-RESUMABLE = {"impact": True, "tension": True, "bend": True, "wave": False, "modes": False}
+RESUMABLE = {
+    "impact": True,
+    "tension": True,
+    "bend": True,
+    "load": True,
+    "wave": False,
+    "modes": False,
+}
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
