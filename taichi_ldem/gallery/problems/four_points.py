@@ -56,8 +56,8 @@ def _stiffness(run: LoadedRun) -> float:
     soft = arm**2 * (6 * half - 4 * arm) / (12 * material.youngs_modulus * inertia)
     soft += 6 * arm / (10 * shear * width * height)
     way, force = run.history["striker_displacement_m"], _force(run)
-    end = int(np.argmax(force))
-    part = slice(end // 3, 2 * end // 3)
+    whole = np.flatnonzero(run.history["broken_bars"] == 0)
+    part = slice(len(whole) // 3, 9 * len(whole) // 10)
     return float(np.polyfit(way[part], force[part], 1)[0] * soft)
 
 
