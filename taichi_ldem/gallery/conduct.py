@@ -11,13 +11,14 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-from taichi_ldem.errors import DamagedFile
+from taichi_ldem.errors import SceneError
 from taichi_ldem.gallery.problem import Run
 from taichi_ldem.scenarios.child import tied
 from taichi_ldem.scenarios.registry import entry_of
 from taichi_ldem.scene import Scene, scene_to_toml
 from taichi_ldem.storage.durable import write_whole
 from taichi_ldem.storage.folder import RunFolder
+from taichi_ldem.storage.provenance import WITHOUT_EFFECT, unequal
 
 
 @dataclass(frozen=True)
@@ -29,20 +30,20 @@ class Task:
     scene: Scene
 
     @property
-    def finished(self) -> bool:
-        """Whether the folder holds a finished run of this scene, on any number of threads."""
+    def begun(self) -> bool:
+        """Whether the folder holds a run of this scene, on any number of threads."""
         folder = RunFolder(self.folder)
-        if not folder.summary_file.is_file():
+        if not folder.scene_file.is_file():
             return False
         try:
-            return _apart_from_threads(folder.read_scene()) == _apart_from_threads(self.scene)
-        except DamagedFile:
+            return not any(unequal(self.scene, folder.read_scene(), WITHOUT_EFFECT))
+        except SceneError:  # damaged, or no longer a scene
             return False
 
-
-def _apart_from_threads(scene: Scene) -> str:
-    solver = scene.solver.model_copy(update={"threads": None})
-    return scene_to_toml(scene.model_copy(update={"solver": solver}))
+    @property
+    def finished(self) -> bool:
+        """Whether that run has come to its end."""
+        return RunFolder(self.folder).summary_file.is_file() and self.begun
 
 
 def tasks_of(
@@ -85,8 +86,7 @@ def _carry_out(task: Task, tell: Callable[[str], None]) -> str:
     entry = entry_of(task.scene)
     command = [sys.executable, "-m", "taichi_ldem.cli", entry.command, str(file)]
     command += ["--out", str(folder), "--quiet", "--no-figures"]
-    begun = RunFolder(folder)
-    goes_on = entry.resumable and begun.can_go_on and _same(begun, task.scene)
+    goes_on = entry.resumable and RunFolder(folder).can_go_on and task.begun
     command.append("--resume" if goes_on else "--force")
     started = time.perf_counter()
     tell(f"{name}: {'goes on' if goes_on else 'begins'}")
@@ -97,10 +97,3 @@ def _carry_out(task: Task, tell: Callable[[str], None]) -> str:
         return f"exit code {ended.returncode}: {(lines or [''])[-1]}"
     tell(f"{name}: done in {time.perf_counter() - started:.0f} s")
     return ""
-
-
-def _same(folder: RunFolder, scene: Scene) -> bool:
-    try:
-        return folder.read_scene() == scene
-    except DamagedFile:
-        return False

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from taichi_ldem.output.loaded import LoadedRun
 from taichi_ldem.storage.fields import read_broken_bars
+from taichi_ldem.studies.toughness.strip import rayleigh_speed
 
 Array = NDArray[np.float64]
 
@@ -82,9 +83,18 @@ def advance(
     return Advance(bars.time_s[chosen][order], along[chosen][order], across[chosen][order])
 
 
+def speed_over_rayleigh(run: LoadedRun, crack: Advance, start: float, end: float) -> float | None:
+    """Mean speed of a crack between two distances (m) over that of Rayleigh waves."""
+    material, speed = run.scene.material, crack.speed(start, end)
+    if speed is None:
+        return None
+    wave = rayleigh_speed(material.youngs_modulus, material.poisson_ratio, material.density)
+    return speed / wave
+
+
 def deviation(found: Advance) -> float | None:
-    """Angle of a crack's path to its line, degrees; None below three bars."""
-    if len(found.along) < 3:
+    """Angle of a crack's path to its line, degrees; None below ten bars."""
+    if len(found.along) < 10:
         return None
     slope = np.polyfit(found.along, found.across, 1)[0]
     return float(np.degrees(np.arctan(slope)))

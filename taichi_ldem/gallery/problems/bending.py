@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from taichi_ldem.gallery.problem import Finding, Problem, Run, Runs, between, near
-from taichi_ldem.gallery.readings import Advance, advance
+from taichi_ldem.gallery.readings import Advance, advance, deviation
 from taichi_ldem.studies.compliance import calibration
 
 if TYPE_CHECKING:
@@ -46,12 +44,9 @@ def _crack(run: LoadedRun) -> Advance:
 
 def _inclination(run: LoadedRun) -> float | None:
     """Angle of the crack to the notch's plane, positive towards the striker, degrees."""
-    crack = _crack(run)
-    if len(crack.along) < 10:
-        return None
     # `across` points towards -x, the striker lies towards +x
-    slope = np.polyfit(crack.along, -crack.across, 1)[0]
-    return float(np.degrees(np.arctan(slope)))
+    angle = deviation(_crack(run))
+    return None if angle is None else -angle
 
 
 def _judge(runs: Runs) -> list[Finding]:

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taichi_ldem.gallery.problem import Finding, Problem, Run, Runs, between
-from taichi_ldem.gallery.readings import Array, advance
+from taichi_ldem.gallery.readings import Array, advance, speed_over_rayleigh
 from taichi_ldem.storage.fields import read_broken_bars
-from taichi_ldem.studies.toughness.strip import rayleigh_speed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,11 +53,9 @@ def branch(run: LoadedRun) -> float | None:
 
 def _speed(run: LoadedRun) -> float | None:
     """Speed of the crack before it branches, over that of Rayleigh waves."""
-    material, at = run.scene.material, branch(run) or 0.02
+    at = branch(run) or 0.02
     crack = advance(run, tip=(0.0, 0.0), reach=4e-3)
-    wave = rayleigh_speed(material.youngs_modulus, material.poisson_ratio, material.density)
-    speed = crack.speed(0.4 * at, at)
-    return None if speed is None else speed / wave
+    return speed_over_rayleigh(run, crack, 0.4 * at, at)
 
 
 def _judge(runs: Runs) -> list[Finding]:

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taichi_ldem.gallery.problem import Finding, Problem, Run, Runs, between
-from taichi_ldem.gallery.readings import Advance, advance
+from taichi_ldem.gallery.readings import Advance, advance, speed_over_rayleigh
 from taichi_ldem.storage.fields import read_broken_bars
-from taichi_ldem.studies.toughness.strip import rayleigh_speed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -51,19 +50,21 @@ def _angle(run: LoadedRun) -> float | None:
     return 70.0 + float(np.degrees(np.arctan2(crack.across, crack.along).mean()))
 
 
-def _speed(run: LoadedRun) -> float | None:
-    material = run.scene.material
-    wave = rayleigh_speed(material.youngs_modulus, material.poisson_ratio, material.density)
-    speed = _crack(run).speed(5e-3, 20e-3)
-    return None if speed is None else speed / wave
-
-
 def _judge(runs: Runs) -> list[Finding]:
     found = []
     for name, run in runs.items():
         label = LABELS[name]
         found.append(between("angle to the notch", "degrees", _angle(run), 60.0, 75.0, run=label))
-        found.append(between("speed over c_R", "", _speed(run), 0.3, 0.75, run=label))
+        found.append(
+            between(
+                "speed over c_R",
+                "",
+                speed_over_rayleigh(run, _crack(run), 5e-3, 20e-3),
+                0.3,
+                0.75,
+                run=label,
+            )
+        )
     return found
 
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taichi_ldem.gallery.problem import Finding, Problem, Run, Runs, between
-from taichi_ldem.gallery.readings import Advance, advance
-from taichi_ldem.studies.toughness.strip import rayleigh_speed
+from taichi_ldem.gallery.readings import Advance, advance, speed_over_rayleigh
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -41,10 +40,7 @@ def _crack(run: LoadedRun) -> Advance:
 
 def speed(run: LoadedRun) -> float | None:
     """Mean speed in the middle of the strip over that of Rayleigh waves."""
-    material = run.scene.material
-    wave = rayleigh_speed(material.youngs_modulus, material.poisson_ratio, material.density)
-    found = _crack(run).speed(0.03, 0.07)
-    return None if found is None else found / wave
+    return speed_over_rayleigh(run, _crack(run), 0.03, 0.07)
 
 
 def _judge(runs: Runs) -> list[Finding]:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taichi_ldem.gallery.problem import Finding, Problem, Run, Runs, between, near
-from taichi_ldem.gallery.readings import advance
-from taichi_ldem.studies.toughness.strip import ALL_OVER, WINDOW, geometry, rayleigh_speed
+from taichi_ldem.gallery.readings import advance, speed_over_rayleigh
+from taichi_ldem.studies.toughness.strip import ALL_OVER, WINDOW, geometry
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -55,14 +55,6 @@ def _cost(run: LoadedRun, crack: Advance, at: float) -> float | None:
     return float(modulus * delta**2 / (2 * height) / material.fracture_energy)
 
 
-def _speed(run: LoadedRun, crack: Advance, ligament: float) -> float | None:
-    """Mean speed within ``WINDOW`` over that of Rayleigh waves."""
-    material = run.scene.material
-    wave = rayleigh_speed(material.youngs_modulus, material.poisson_ratio, material.density)
-    speed = crack.speed(*(share * ligament for share in WINDOW))
-    return None if speed is None else speed / wave
-
-
 def _judge(runs: Runs) -> list[Finding]:
     found, speeds = [], {}
     for name, run in runs.items():
@@ -71,7 +63,7 @@ def _judge(runs: Runs) -> list[Finding]:
         start, end = (share * ligament for share in WINDOW)
         cost = _cost(run, crack, start)
         found.append(near("cost when it runs, G / G_f", "", cost, 1.0, 0.25, run=label))
-        speeds[name] = _speed(run, crack, ligament)
+        speeds[name] = speed_over_rayleigh(run, crack, start, end)
         found.append(between("speed over c_R", "", speeds[name], 0.4, 1.0, run=label))
         _, across = crack.between(start, end).path(2 * run.scene.plate.spacing)
         spread = float(np.ptp(across)) / run.scene.plate.spacing if len(across) else None
