@@ -20,6 +20,8 @@ Dash = Literal["solid", "dash", "dot", "dashdot"]
 BLUE, ORANGE, GREEN, RED, VIOLET = "#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd"
 BROWN, PINK, GREY = "#8c564b", "#e377c2", "#7f7f7f"
 PALE, DARK, BLACK = "#bfbfbf", "#666666", "#000000"
+PALETTE = (BLUE, ORANGE, GREEN, RED, VIOLET, BROWN, PINK)
+"""Colours of curves of one kind, in their order."""
 WIDTH = 1.8
 """Width of a curve, points."""
 

@@ -3,14 +3,8 @@
 from __future__ import annotations
 
 from taichi_ldem.output.curves.chart import (
-    BLUE,
-    BROWN,
     DARK,
-    GREEN,
-    ORANGE,
-    PINK,
-    RED,
-    VIOLET,
+    PALETTE,
     Curve,
     Element,
     Line,
@@ -20,8 +14,6 @@ from taichi_ldem.output.curves.forces import whole
 from taichi_ldem.output.curves.times import times_of
 from taichi_ldem.output.loaded import LoadedRun
 
-_COLOURS = (BLUE, ORANGE, GREEN, RED, VIOLET, BROWN, PINK)
-
 
 def loads(run: LoadedRun) -> tuple[Panel, ...]:
     """The force of each load over time, along its direction."""
@@ -30,7 +22,7 @@ def loads(run: LoadedRun) -> tuple[Panel, ...]:
             run.time_ms,
             run.history[load.columns[0]],
             f"{load.name}, along its direction",
-            _COLOURS[number % len(_COLOURS)],
+            PALETTE[number % len(PALETTE)],
         )
         for number, load in enumerate(run.scene.loads)
     ]

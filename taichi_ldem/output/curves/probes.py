@@ -3,14 +3,8 @@
 from __future__ import annotations
 
 from taichi_ldem.output.curves.chart import (
-    BLUE,
-    BROWN,
     DARK,
-    GREEN,
-    ORANGE,
-    PINK,
-    RED,
-    VIOLET,
+    PALETTE,
     Curve,
     Dash,
     Element,
@@ -21,7 +15,6 @@ from taichi_ldem.output.curves.forces import whole
 from taichi_ldem.output.curves.times import times_of
 from taichi_ldem.output.loaded import LoadedRun
 
-_COLOURS = (BLUE, ORANGE, GREEN, RED, VIOLET, BROWN, PINK)
 _DASHES: tuple[Dash, ...] = ("dot", "dash", "solid")
 _MM = 1e3
 
@@ -33,7 +26,7 @@ def probes(run: LoadedRun) -> tuple[Panel, ...]:
             run.time_ms,
             _MM * run.history[column],
             f"{probe.name}, along {axis}",
-            _COLOURS[number % len(_COLOURS)],
+            PALETTE[number % len(PALETTE)],
             dash=dash,
         )
         for number, probe in enumerate(run.scene.probes)
