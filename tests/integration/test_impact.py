@@ -3,14 +3,13 @@
 import json
 import signal
 import subprocess
-import time
 from pathlib import Path
 from types import SimpleNamespace
 from typing import get_args
 
 import numpy as np
 import pytest
-from support.command import COMMAND, SCENE, WITHOUT_VULKAN, ldem
+from support.command import COMMAND, SCENE, cut_off, ldem
 
 from taichi_ldem.analysis.fragments import labels_of, of_modules
 from taichi_ldem.analysis.strain import green_strain, mean_gradient
@@ -245,22 +244,8 @@ def test_a_gpu_backend_cracks_the_same_plate(single: RunFolder, scene: Path) -> 
 def test_ctrl_c_keeps_what_was_computed(scene: Path) -> None:
     out = scene.parent / "interrupted"
     long = ["--set", "solver.duration=1.0", "--set", "output.history_interval=1e-6"]
-    process = subprocess.Popen(
-        [*COMMAND, "impact", str(scene), "--out", str(out), *long],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=WITHOUT_VULKAN,
-    )
-    history = out / "history.csv"
-    deadline = time.monotonic() + 100
-    while time.monotonic() < deadline:
-        if history.exists() and history.read_text().count("\n") > 8:
-            break
-        time.sleep(0.1)
-    process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=100)
-    assert process.returncode == 130
+    code, errors = cut_off(scene, out, 8, signal.SIGINT, *long)
+    assert code == 130
     assert "interrupted at t =" in errors
     assert "Traceback" not in errors
     assert len(RunFolder.open(out).read_history()["time_s"]) > 5

@@ -15,7 +15,7 @@ class Nose:
     """A nose and the shaft above it, which has the nose's width.
 
     A nose may need a number beside the radius, for which the scene has a key of its own (see
-    ``NOSE_KEYS`` in ``scene.bodies``). Its functions then take that number last.
+    ``NOSE_KEYS`` in ``scene.strikers``). Its functions then take that number last.
 
     Places are measured from the point of the axis that lies one radius above the tip, in m; z
     points up, away from the plate.
