@@ -199,8 +199,9 @@ def build(scene: Scene) -> "tuple[Dynamics, npt.NDArray[np.int32]]":
     from taichi_ldem.solver.contact.rings import RINGS
 
     dynamics, _ = build_dynamics(scene)
-    rings = RINGS.build(dynamics, scene, 0.0)
-    return dynamics, np.zeros(0, dtype=np.int32) if rings is None else rings.listed()
+    rings = RINGS.build(dynamics, scene)
+    held = None if rings is None else rings.layout.nodes
+    return dynamics, np.zeros(0, dtype=np.int32) if held is None else held
 
 
 def name_modes(scene: Scene, dynamics: "Dynamics", solution: "Solution") -> list[Mode]:

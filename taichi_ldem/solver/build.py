@@ -16,6 +16,7 @@ from taichi_ldem.model.material import check, volumetric_modulus
 from taichi_ldem.scene import Scene
 from taichi_ldem.scene.values import show
 from taichi_ldem.solver.dynamics import Dynamics, Features
+from taichi_ldem.solver.fields import suits_one_thread
 
 Drawn = dict[str, tuple[float, float]]
 """Mean and coefficient of variation of the random factors that were drawn, by property."""
@@ -104,7 +105,8 @@ def build_dynamics(scene: Scene, in_strips: bool | None = None) -> tuple[Dynamic
     bars, lattice = check(scene), build_lattice(scene)
     drawn = disorder.draw(scene, lattice)
     features = Features.of(scene)
-    dynamics = Dynamics(lattice, bars, scene.material.density, features, in_strips)
+    alone = in_strips is None and suits_one_thread(scene)
+    dynamics = Dynamics(lattice, bars, scene.material.density, features, in_strips, alone)
     return dynamics, _fill(dynamics, scene, drawn)
 
 

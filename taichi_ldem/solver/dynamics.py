@@ -45,6 +45,7 @@ class Dynamics(State):
         density: float,
         features: Features,
         in_strips: bool | None = None,
+        alone: bool = False,
     ):
         """Allocate all fields and fill them for a uniform material.
 
@@ -52,8 +53,9 @@ class Dynamics(State):
             bars: stiffness and strength of the bar families.
             density: kg/m3.
             in_strips: whether the passes are driven in strips; None: as suits the backend.
+            alone: whether one thread takes the step.
         """
-        super().__init__(lattice, features, in_strips)
+        super().__init__(lattice, features, in_strips, alone)
         self.set_bars(bars)
         self.set_density(density)
         self.bars = BarForces(self)
@@ -68,7 +70,7 @@ class Dynamics(State):
     def _open_to_others(self) -> None:
         """Give the parts' functions that the rest of the solver uses a name here."""
         self.step, self.kick = self.driver.take, self.driver.kick
-        self.whole_passes = self.driver.whole_passes
+        self.whole_passes, self.take_alone = self.driver.whole_passes, self.driver.take_alone
         exchange, access = self.exchange, self.access
         self.set_displacement = exchange.set_displacement
         self.get_displacement = exchange.get_displacement

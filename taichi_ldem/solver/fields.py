@@ -189,6 +189,22 @@ ROWS_PER_STRIP = 4
 PIECE = 16
 """Columns of a row that one thread of a GPU sums up."""
 
+MOST_ALONE = 8000
+"""Most sites of a lattice for which one thread takes the step where the scene does not give the
+number of threads."""
+
+
+def suits_one_thread(scene: Scene) -> bool:
+    """Whether one thread takes the step of a scene: it is asked for, or the plate is small.
+
+    Pieces that touch are listed and pressed by all threads.
+    """
+    contact = scene.contact
+    if scene.solver.arch != "cpu" or (contact is not None and contact.fragments):
+        return False
+    sites = math.prod(n + 3 for n in scene.plate.modules)
+    return scene.solver.threads == 1 or (scene.solver.threads is None and sites <= MOST_ALONE)
+
 
 @dataclass(frozen=True)
 class Layout:
@@ -202,6 +218,7 @@ class Layout:
         strips: number of strips; 1 where the step is not driven in strips.
         lanes: how a row is cut into columns of several sites.
         cell: the bars of a site.
+        alone: whether one thread takes the step, all of it in one strip, with the contact.
     """
 
     sites: tuple[int, int, int]
@@ -210,6 +227,7 @@ class Layout:
     strips: int
     lanes: Lanes
     cell: UnitCell = MODULE
+    alone: bool = False
 
     @classmethod
     def fitting(
@@ -219,13 +237,15 @@ class Layout:
         in_strips: bool,
         threads: int,
         cell: UnitCell = MODULE,
+        alone: bool = False,
     ) -> "Layout":
-        """The layout that suits so many threads."""
+        """The layout that suits so many threads; ``alone``: that one of them takes the step."""
         _, ny, nx = sites
         if not in_strips:
             return cls(sites, real_bytes, False, 1, Lanes(nx), cell)
         strips = max(1, min(STRIPS_PER_THREAD * threads, (ny - 2) // ROWS_PER_STRIP))
-        return cls(sites, real_bytes, True, strips, Lanes.fitting(nx, real_bytes), cell)
+        strips, lanes = 1 if alone else strips, Lanes.fitting(nx, real_bytes)
+        return cls(sites, real_bytes, True, strips, lanes, cell, alone)
 
     @property
     def shape(self) -> tuple[int, int, int]:

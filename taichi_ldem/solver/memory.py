@@ -14,7 +14,7 @@ from taichi_ldem.model.cell import CELLS
 from taichi_ldem.scene import Scene
 from taichi_ldem.solver.contact import FRAGMENTS
 from taichi_ldem.solver.contact.sizes import bytes_of
-from taichi_ldem.solver.fields import Features, Layout, rows
+from taichi_ldem.solver.fields import Features, Layout, rows, suits_one_thread
 
 BASE = 250e6
 """Bytes of the interpreter, Taichi's compiler and the libraries: 230 MB measured."""
@@ -33,8 +33,8 @@ def _layout(scene: Scene) -> Layout:
     nx, ny, nz = (n + 3 for n in scene.plate.modules)
     real = 8 if scene.solver.precision == "f64" else 4
     threads = scene.solver.threads or os.cpu_count() or 1
-    cell = CELLS[scene.plate.lattice]
-    return Layout.fitting((nz, ny, nx), real, scene.solver.arch == "cpu", threads, cell)
+    cell, alone = CELLS[scene.plate.lattice], suits_one_thread(scene)
+    return Layout.fitting((nz, ny, nx), real, scene.solver.arch == "cpu", threads, cell, alone)
 
 
 def field_bytes(scene: Scene) -> int:

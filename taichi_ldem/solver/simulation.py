@@ -70,25 +70,32 @@ class Simulation:
     def __init__(self, scene: Scene, in_strips: bool | None = None):
         self.scene = scene
         self.dynamics, self.drawn = build_dynamics(scene, in_strips)
-        one_by_one = self.dynamics.in_strips or scene.solver.arch == "vulkan"
-        self.steps_a_launch = 1 if one_by_one else STEPS_A_LAUNCH
+        self.alone = self.dynamics.layout.alone
+        self.steps_a_launch = self._choose_steps_a_launch()
         self.now, self.step_number = 0, 0
-        self._read_numbers()
-        self.fragments: Any = FRAGMENTS.build(self.dynamics, scene, self.time_step)
+        self.fragments: Any = FRAGMENTS.build(self.dynamics, scene)
         self.pieces_touch = self.fragments is not None
-        set_off(self)
-        self.bodies: list[RigidBody] = []
-        for declared in in_order_of_resolving():
-            body = declared.build(self.dynamics, scene, self.time_step)
-            if body is not None:
-                self.bodies.append(body)
+        built = [declared.build(self.dynamics, scene) for declared in in_order_of_resolving()]
+        self.bodies: list[RigidBody] = [body for body in built if body is not None]
         self.shared = len(self.bodies) > 1 and any(body.meets_others for body in self.bodies)
         for part in self.bodies:
             if self.shared and part.meets_others:
                 part.share_nodes()
+        if self.alone and self.bodies:
+            self.dynamics.driver.contact = self.resolve_alone
+        self._read_numbers()
+        set_off(self)
+        for part in self.bodies:
+            part.place(scene, self.time_step)
         self.energies = EnergySums(self.dynamics)
         self.sampler = Sampler(self.bodies, self.energies, self.dynamics, scene)
         self._start_clock()
+
+    def _choose_steps_a_launch(self) -> int:
+        if self.alone:
+            return STEPS_BETWEEN_LISTS
+        one_by_one = self.dynamics.in_strips or self.scene.solver.arch == "vulkan"
+        return 1 if one_by_one else STEPS_A_LAUNCH
 
     def _read_numbers(self) -> None:
         """Set the parameters of a step from scene and lattice."""
@@ -185,6 +192,12 @@ class Simulation:
             for n in ti.static(range(len(self.bodies))):
                 self.bodies[n].record()
 
+    @ti.func
+    def resolve_alone(self, now, numbers):
+        """The contact of a step that one thread takes."""
+        spacing, time_step = ti.cast(numbers.spacing, float), ti.cast(numbers.kick, float)
+        self._resolve(now, spacing, time_step, ti.cast(numbers.damping, float), 0)
+
     @ti.kernel
     def _contact(self, now: int, spacing: float, time_step: float, damping: float, touching: int):
         self._resolve(now, spacing, time_step, damping, touching)
@@ -221,8 +234,11 @@ class Simulation:
         self._resolve(now, spacing, time_step, damping, touching)
 
     def _take(self, time_step: float, steps: int = 1, measure: bool = False) -> None:
-        """Take steps from ``now``; on the CPU one."""
+        """Take steps from ``now``; on several threads of the CPU one."""
         dynamics, spacing = self.dynamics, self.spacing
+        if self.alone:
+            dynamics.take_alone(self.now, time_step, self.damping, steps, measure)
+            return
         pieces = self.fragments
         touching, dust = (pieces.size, pieces.dust_size) if self.pieces_touch else (0, 0)
         if not dynamics.in_strips:
@@ -267,8 +283,9 @@ class Simulation:
         """Take a number of steps without samples."""
         end = self.step_number + steps
         while self.step_number < end:
-            many = min(self._until_listing(), end - self.step_number) >= self.steps_a_launch
-            self._step(self.steps_a_launch if many else 1)
+            most = min(self._until_listing(), end - self.step_number)
+            whole = self.alone or most >= self.steps_a_launch
+            self._step(min(most, self.steps_a_launch) if whole else 1)
 
     def start_from(
         self, displacement: npt.NDArray[np.float64], velocity: npt.NDArray[np.float64]
@@ -401,7 +418,7 @@ class Simulation:
             pieces = self.fragments.saved_state()
             self.fragments.compile(self.now)
         self._take(0.0)  # a step of zero length does all the work and changes nothing
-        if self.steps_a_launch > 1:
+        if self.steps_a_launch > 1 and not self.alone:
             self._take(0.0, self.steps_a_launch)
         if not self.dynamics.in_strips:
             self._take(0.0, measure=True)

@@ -136,8 +136,14 @@ class State:
     offset: list[list[ti.MatrixField]]
     gravity: ti.MatrixField
 
-    def __init__(self, lattice: Lattice, features: Features, in_strips: bool | None = None):
-        """``in_strips``: whether the passes are driven in strips; None: as suits the backend."""
+    def __init__(
+        self,
+        lattice: Lattice,
+        features: Features,
+        in_strips: bool | None = None,
+        alone: bool = False,
+    ):
+        """As ``Dynamics``."""
         self.lattice, self.features, self.cell = lattice, features, lattice.cell
         config = ti.lang.impl.current_cfg()
         self.on_cpu = config.arch in (ti.x64, ti.arm64)
@@ -147,6 +153,7 @@ class State:
             self.on_cpu if in_strips is None else in_strips,
             config.cpu_max_num_threads,
             lattice.cell,
+            alone,
         )
         self.sites, self.lanes, self.shape = self.layout.sites, self.layout.lanes, self.layout.shape
         self.in_strips = self.layout.in_strips

@@ -4,11 +4,15 @@ On the CPU a thread takes a strip of rows and alternates between the passes row 
 bar scalars never leave its cache; the two rows at the borders of a strip are evaluated by both
 neighbours, with the same result. On a GPU each pass is a launch over all columns.
 
+A small plate is done sooner than threads are woken. One thread then takes many steps in one launch,
+each with its contact (``Layout.alone``).
+
 The drivers depend on columns, rows and the numbers of a step, but neither on bars nor on nodes.
 """
 
 from collections.abc import Callable
 from functools import cached_property
+from typing import Any
 
 import taichi as ti
 
@@ -39,11 +43,18 @@ them to Taichi's default float.
 
 @ti.data_oriented
 class Step:
-    """The two passes, driven as the layout of the lattice asks for."""
+    """The two passes, driven as the layout of the lattice asks for.
+
+    Attributes:
+        contact: function of Taichi that corrects the nodes after the passes of a step, from the
+            buffer and the ``StepNumbers``; only the steps of ``take_alone`` call it. It has to be
+            set before the first step, which compiles it.
+    """
 
     def __init__(self, state: State, bars: BarForces, nodes: NodeUpdate, tips: CrackTips):
         self.state, self.bars, self.nodes, self.tips = state, bars, nodes, tips
         self.volumes = nodes.volumes
+        self.contact: Any = None
         self._numbers: dict[tuple[float, ...], ti.Struct] = {}
 
     def numbers(self, kick: float, drift: float, damping: float) -> ti.Struct:
@@ -168,6 +179,35 @@ class Step:
                     step = self.rounded(now, numbers)
                     self.part_in_strip(part, begin, turn // TURNS, step)
 
+    # -- on one thread -----------------------------------------------------------------------------
+
+    def touches(self) -> bool:
+        """Whether the steps of one thread have contact."""
+        return self.contact is not None
+
+    @ti.kernel
+    def _alone(self, now: int, numbers: StepNumbers, steps: int, measure: int, resolve: int):
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            for n in range(steps):
+                step = self.rounded((now + n) % 2, numbers)
+                for part, begin in ti.static(self.first):
+                    self.part_in_strip(part, begin, 0, step)
+                self.strip_step(0, step, measure)
+                if ti.static(self.touches()):
+                    if resolve != 0:
+                        self.contact(step.now, numbers)
+
+    def take_alone(
+        self, now: int, time_step: float, damping: float, steps: int, measure: bool
+    ) -> None:
+        """Take steps with their contact, all in one launch.
+
+        Args:
+            measure: as in ``take``.
+        """
+        self._alone(now, self.numbers(time_step, time_step, damping), steps, measure, 1)
+
     # -- in passes ---------------------------------------------------------------------------------
 
     @ti.func
@@ -220,10 +260,14 @@ class Step:
             measure: whether kinetic energy and losses by damping at t_n are summed up
                 (``node_sums``).
         """
+        numbers = self.numbers(kick, drift, damping)
+        if self.state.layout.alone:
+            self._alone(now, numbers, 1, measure, 0)
+            return
         if self.state.in_strips and self.first:
-            self._first(now, self.numbers(kick, drift, damping))
+            self._first(now, numbers)
         launch = self._in_strips if self.state.in_strips else self._in_passes
-        launch(now, self.numbers(kick, drift, damping), measure)
+        launch(now, numbers, measure)
 
     def kick(self, now: int, time_step: float, damping: float = 0.0) -> None:
         """Change the velocities by the bar forces over a time step; nodes do not move."""

@@ -69,22 +69,22 @@ class Body:
         """The body's class of kernels, imported when it is needed; Taichi must be running."""
         raise NotImplementedError
 
-    def build(self, dynamics: "Dynamics", scene: Scene, time_step: float) -> "RigidBody | None":
-        """The body on a lattice at t = 0; None where the scene has no such body.
+    def build(self, dynamics: "Dynamics", scene: Scene) -> "RigidBody | None":
+        """The body on a lattice; None where the scene has no such body.
 
         Raises:
             SceneError: the body has no place on this plate.
         """
         if self.table(scene) is None:
             return None
-        body = self.make(dynamics, scene, time_step)
+        body = self.make(dynamics, scene)
         body.name = self.name
         body.columns = tuple(o.column for o in self.observables_in(scene))
         return body
 
-    def make(self, dynamics: "Dynamics", scene: Scene, time_step: float) -> "RigidBody":
+    def make(self, dynamics: "Dynamics", scene: Scene) -> "RigidBody":
         """The body with its kernels, for a scene that has it."""
-        return self.kernels()(dynamics, scene, time_step)  # type: ignore[call-arg, arg-type]
+        return self.kernels()(dynamics, scene)  # type: ignore[call-arg, arg-type]
 
     def observables_in(self, scene: Scene) -> tuple[Observable, ...]:
         """The observables of the body in a scene; all of ``observables`` unless it says more."""

@@ -79,13 +79,13 @@ class Striker(Body):
 
         return Kernels
 
-    def make(self, dynamics: "Dynamics", scene: Scene, time_step: float) -> "Kernels":
+    def make(self, dynamics: "Dynamics", scene: Scene) -> "Kernels":
         """The striker with its kernels, on a guide or without one."""
         if scene.strikers[self.number].guided:
-            return self.kernels()(dynamics, scene, time_step, self.number)
+            return self.kernels()(dynamics, scene, self.number)
         from taichi_ldem.solver.contact.kernels.unguided import UnguidedStriker
 
-        return UnguidedStriker(dynamics, scene, time_step, self.number)
+        return UnguidedStriker(dynamics, scene, self.number)
 
     def warnings(self, scene: Scene, history: list[dict[str, Any]]) -> list[str]:
         """A line where the striker has never touched the plate, with the reason."""

@@ -19,10 +19,10 @@ from taichi_ldem.scene import Material
         pytest.param("bilinear", True, True, marks=pytest.mark.slow),
     ],
 )
-def test_whole_passes_and_strips_are_the_same_step(
+def test_all_drivers_take_the_same_step(
     taichi: None, law: str | None, crack: bool, volumetric: bool
 ) -> None:
-    """A GPU takes the passes one after the other, a site to a lane: the same to the last bit."""
+    """Strips of all threads, one thread alone, and whole passes, a site to a lane, as on a GPU."""
     from taichi_ldem.solver.dynamics import Dynamics, Features
 
     mask = prism(9, 10, 2)
@@ -31,9 +31,9 @@ def test_whole_passes_and_strips_are_the_same_step(
     bars = mat.bar_families(Material(**PMMA | DAMAGE), SPACING)
     start = random_displacement(body, 0.01 * SPACING)
     ends = []
-    for in_strips in (True, False):
+    for in_strips, alone in ((True, False), (True, True), (False, False)):
         features = Features(law=law, crack=crack, volumetric=volumetric)
-        dynamics = Dynamics(Lattice(mask, SPACING), bars, 1190.0, features, in_strips)
+        dynamics = Dynamics(Lattice(mask, SPACING), bars, 1190.0, features, in_strips, alone)
         assert (dynamics.lanes.width > 1) == in_strips
         dynamics.volumetric, dynamics.poisson_ratio = 1.5e9 * volumetric, 0.36  # Pa, order of E
         dynamics.set_displacement(0, body.spread(start))
@@ -46,6 +46,8 @@ def test_whole_passes_and_strips_are_the_same_step(
             sites, broken = dynamics.new_broken()
             ends[-1] += (sites, broken)
             assert len(broken) > 0
-    for number in (0, 1, 3, 4)[: len(ends[0]) - 1]:
-        np.testing.assert_array_equal(ends[0][number], ends[1][number])
-    assert ends[0][2] == pytest.approx(ends[1][2], rel=1e-13)  # summed in another order
+    for other in ends[1:]:
+        for number in (0, 1, 3, 4)[: len(other) - 1]:
+            np.testing.assert_array_equal(ends[0][number], other[number])
+    assert ends[0][2] == ends[1][2]
+    assert ends[0][2] == pytest.approx(ends[2][2], rel=1e-13)  # summed in another order

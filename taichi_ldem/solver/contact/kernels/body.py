@@ -165,8 +165,6 @@ class RigidBody(NearbyNodes):
         self.numbers.from_numpy(np.array(layout.numbers, dtype=np.float64))
         if self.rubs:
             self.friction.fill(layout.friction)
-        if layout.nodes is not None:
-            self.set_nodes(layout.nodes)
 
     # -- on the host
     # -------------------------------------------------------------------------------------
@@ -178,6 +176,12 @@ class RigidBody(NearbyNodes):
             SceneError: the body has no place on this plate.
         """
         raise NotImplementedError
+
+    def place(self, scene: "Scene", time_step: float) -> None:
+        """Put the body to t = 0, when the plate has its motion."""
+        if self.layout.nodes is not None:
+            self.set_nodes(self.layout.nodes)
+        self.start(scene, time_step)
 
     def start(self, scene: "Scene", time_step: float) -> None:
         """Set the body's own motion at t = 0; each body's own."""
@@ -210,7 +214,7 @@ class RigidBody(NearbyNodes):
         for field in (self.sums, self.chunk_sums, self.count):
             field.fill(0)
         self._fill(layout)
-        self.start(scene, time_step)
+        self.place(scene, time_step)
 
     def observe(self, reading: Reading, force: float, time: float, now: int) -> tuple[Any, ...]:
         """The values of the body's observables at a sample, in the order of its declaration.

@@ -24,7 +24,7 @@ class Floor(SurfaceBody):
     touches_few = False
     meets_others = True
 
-    def __init__(self, dynamics: Dynamics, scene: "Scene", time_step: float):
+    def __init__(self, dynamics: Dynamics, scene: "Scene"):
         super().__init__(dynamics, self.layout_of(dynamics, scene))
 
     def layout_of(self, dynamics: Dynamics, scene: "Scene") -> Layout:

@@ -105,7 +105,7 @@ class Fragments(NearbyPairs):
 
     name = ""
 
-    def __init__(self, dynamics: Dynamics, scene: "Scene", time_step: float):
+    def __init__(self, dynamics: Dynamics, scene: "Scene"):
         super().__init__(dynamics)
         self.impulse = field_apart(ti.f64, self.capacity, 3)
         self.friction = field_apart(ti.f64, self.capacity, 3)

@@ -41,7 +41,7 @@ class Grips(RigidBody):
 
     listed_anew = False
 
-    def __init__(self, dynamics: Dynamics, scene: "Scene", time_step: float):
+    def __init__(self, dynamics: Dynamics, scene: "Scene"):
         assert scene.grips is not None
         self.held = scene.grips.lateral == "held"
         super().__init__(dynamics, self.layout_of(dynamics, scene))
@@ -50,7 +50,6 @@ class Grips(RigidBody):
         if scene.grips.gauge_length:
             angle = math.radians(scene.plate.angle)
             self.gauge = Gauge(dynamics, angle, scene.grips.gauge_length)
-        self.start(scene, time_step)
 
     def layout_of(self, dynamics: Dynamics, scene: "Scene") -> Layout:
         """The layout of the scene's grips; the nodes within their length of either end."""

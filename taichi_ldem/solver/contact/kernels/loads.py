@@ -60,7 +60,7 @@ class Loads(RigidBody):
 
     listed_anew = False
 
-    def __init__(self, dynamics: Dynamics, scene: "Scene", time_step: float):
+    def __init__(self, dynamics: Dynamics, scene: "Scene"):
         super().__init__(dynamics, self.layout_of(dynamics, scene))
         entries = self.found.which.size
         self.loads = len(scene.loads)
@@ -73,7 +73,6 @@ class Loads(RigidBody):
         self.impulses = field_apart(ti.f64, self.capacity, 3)
         self.tally = field_apart(ti.f64, (self.chunk_sums.shape[0], self.loads))
         self.state = field_apart(ti.f64, 1)
-        self.start(scene, time_step)
 
     @classmethod
     def layout_of(cls, dynamics: Dynamics, scene: "Scene") -> Layout:

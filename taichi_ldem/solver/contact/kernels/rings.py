@@ -80,7 +80,7 @@ class Rings(RigidBody):
         slip: whether nodes may slide along the rings.
     """
 
-    def __init__(self, dynamics: Dynamics, scene: "Scene", time_step: float):
+    def __init__(self, dynamics: Dynamics, scene: "Scene"):
         layout = self.layout_of(dynamics, scene)
         self.listed_anew = layout.kind == "rings"
         self.slip = layout.friction < math.inf

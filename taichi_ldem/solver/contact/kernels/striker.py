@@ -57,7 +57,7 @@ class Striker(SurfaceBody):
     entries = 4
     """Entries of ``state`` that every motion has."""
 
-    def __init__(self, dynamics: Dynamics, scene: "Scene", time_step: float, number: int = 0):
+    def __init__(self, dynamics: Dynamics, scene: "Scene", number: int = 0):
         self.number, self.table = number, scene.strikers[number]
         self.prescribed = self.table.is_prescribed
         # a striker that comes after another may meet nodes that the other has pushed
@@ -66,7 +66,6 @@ class Striker(SurfaceBody):
         self.nose_surface, self.nose_number = ti.func(nose.surface), nose.number is not None
         super().__init__(dynamics, self.layout_of(dynamics, scene))
         self.state = field_apart(ti.f64, self.entries + 2 * self.prescribed)
-        self.start(scene, time_step)
 
     def layout_of(self, dynamics: Dynamics, scene: "Scene") -> Layout:
         """The layout of the scene's striker.

@@ -32,7 +32,7 @@ class Supports(SurfaceBody):
         kind: two cylinders, a ring or balls.
     """
 
-    def __init__(self, dynamics: Dynamics, scene: "Scene", time_step: float):
+    def __init__(self, dynamics: Dynamics, scene: "Scene"):
         assert scene.supports is not None
         self.kind = scene.supports.kind
         super().__init__(dynamics, self.layout_of(dynamics, scene))
