@@ -44,9 +44,15 @@ def ensemble(
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="continue the ensemble in DIR")] = False,
     precision: Precision = None,
+    figures: Annotated[
+        bool,
+        typer.Option(
+            "--figures/--no-figures", help="figures and pictures of each member (default: none)"
+        ),
+    ] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Run a scene many times: seeds, variabilities and any keys, one process a run."""
+    """Run a scene many times: seeds, variabilities and any keys, several at a time."""
     from taichi_ldem.ensemble import plan
     from taichi_ldem.ensemble.run import How, default_folder, run
     from taichi_ldem.errors import SceneError
@@ -60,5 +66,5 @@ def ensemble(
     for member in members.members:
         check(member.scene, scene_file.name)
     folder = default_folder(scene_file) if out is None else out
-    how = How(local=local, scheduler=scheduler, threads=threads, timeout=timeout)
+    how = How(local=local, scheduler=scheduler, threads=threads, timeout=timeout, figures=figures)
     raise typer.Exit(run(members, folder, how, resume=resume, quiet=quiet))

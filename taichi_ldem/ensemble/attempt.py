@@ -21,9 +21,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from taichi_ldem.ensemble.plan import ATTEMPTS, MEMBERS, SCENES
+from taichi_ldem.ensemble.standing import Standing
 from taichi_ldem.errors import SceneError
 from taichi_ldem.reading import read_object
 from taichi_ldem.scenarios.child import tied
@@ -70,11 +71,19 @@ class Commands:
     resume: tuple[str, ...]
 
 
-def solver_commands(scenario: str) -> Commands:
-    """The commands of ``ldem`` for a scenario of the registry."""
-    ldem = (PYTHON, "-m", "taichi_ldem.cli")
-    begin = (*ldem, SCENARIOS[scenario].command, SCENE, "--out", FOLDER, "--force")
-    return Commands(begin, (*ldem, "resume", FOLDER))
+LDEM = (PYTHON, "-m", "taichi_ldem.cli")
+"""The beginning of a command that a standing process can execute."""
+
+
+def solver_commands(scenario: str, *, figures: bool = False) -> Commands:
+    """The commands of ``ldem`` for a scenario of the registry.
+
+    Args:
+        figures: whether each run draws its figures and pictures.
+    """
+    without = () if figures else ("--no-figures",)
+    begin = (*LDEM, SCENARIOS[scenario].command, SCENE, "--out", FOLDER, "--force", *without)
+    return Commands(begin, (*LDEM, "resume", FOLDER, *without))
 
 
 @dataclass(frozen=True)
@@ -218,12 +227,13 @@ def ordered_by_file(ensemble: Path) -> Stop:
     return stop
 
 
-def attempt(task: Task, stop: Stop | None = None) -> Outcome:
+def attempt(task: Task, stop: Stop | None = None, standing: Standing | None = None) -> Outcome:
     """Make an attempt. Whatever the member does, no exception is raised.
 
     Args:
         task: the attempt to make.
         stop: called once a second; by default it reads the ensemble's stop file.
+        standing: the worker's process for all its attempts; None: a child for each.
     """
     begun = time.monotonic()
     stop = stop or ordered_by_file(Path(task.ensemble))
@@ -240,7 +250,7 @@ def attempt(task: Task, stop: Stop | None = None) -> Outcome:
             return _end(running, begun, STOPPED, "not started")
         if not _claim(task, running):
             return _end(running, begun, LOST, "its worker ended")
-        outcome = _run(task, stop, running, begun)
+        outcome = _run(task, stop, running, begun, standing)
         if task.moved():  # the record would go to another ensemble
             return _end(running, begun, FAILED, MOVED)
         write_outcome(Path(task.ensemble), outcome)
@@ -271,7 +281,9 @@ def _claim(task: Task, running: Outcome) -> bool:
     return True
 
 
-def _run(task: Task, stop: Stop, running: Outcome, begun: float) -> Outcome:
+def _run(
+    task: Task, stop: Stop, running: Outcome, begun: float, standing: Standing | None
+) -> Outcome:
     held = _wait_until_free(task, stop)
     if is_finished(task.folder):
         return _end(running, begun, FINISHED)
@@ -280,16 +292,12 @@ def _run(task: Task, stop: Stop, running: Outcome, begun: float) -> Outcome:
     task.folder.mkdir(parents=True, exist_ok=True)
     how = "resumed" if RunFolder(task.folder).has_checkpoint and not task.afresh else "begun"
     command = task.commands.resume if how == "resumed" else task.commands.begin
-    with (
-        open(task.record_file("out"), "wb") as out,
-        open(task.record_file("err"), "wb") as errors,
-    ):
-        child = _start(_filled(command, task), out, errors)
-        try:
-            cut = _watch(child, task, stop)
-        except BaseException:
-            _signal(child, signal.SIGKILL)
-            raise
+    child = _start(command, task, standing)
+    try:
+        cut = _watch(child, task, stop)
+    except BaseException:
+        _signal(child, signal.SIGKILL)
+        raise
     code = child.returncode
     last = _last_line(task.record_file("err"))
     child_end: dict[str, Any] = {"how": how, "exit_code": code, "last_error": last}
@@ -324,18 +332,42 @@ def _filled(command: Sequence[str], task: Task) -> list[str]:
     return [words.get(word, word) for word in command]
 
 
-def _start(command: Sequence[str], out: Any, errors: Any) -> subprocess.Popen[bytes]:
-    """Start a child in a process group of its own, so that Ctrl-C in a terminal spares it."""
-    return subprocess.Popen(
-        tied(command),
-        stdin=subprocess.DEVNULL,
-        stdout=out,
-        stderr=errors,
-        start_new_session=True,
-    )
+class Child(Protocol):
+    """A command that is being executed, as ``subprocess.Popen`` has it."""
+
+    returncode: Any
+
+    @property
+    def pid(self) -> int:
+        """Number of its process, which leads a group of its own."""
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Wait for its end."""
+
+    def send_signal(self, number: int) -> None:
+        """Send a signal to it."""
 
 
-def _watch(child: subprocess.Popen[bytes], task: Task, stop: Stop) -> tuple[str, str] | None:
+def _start(command: tuple[str, ...], task: Task, standing: Standing | None) -> Child:
+    """Have a command executed, by the standing process where there is one and it can."""
+    words = _filled(command, task)
+    files = task.record_file("out"), task.record_file("err")
+    for file in files:
+        file.write_bytes(b"")
+    if standing is not None and command[: len(LDEM)] == LDEM:
+        return standing.order(words[len(LDEM) :], *files)
+    with open(files[0], "wb") as out, open(files[1], "wb") as errors:
+        # in a process group of its own, so that Ctrl-C in a terminal spares it
+        return subprocess.Popen(
+            tied(words),
+            stdin=subprocess.DEVNULL,
+            stdout=out,
+            stderr=errors,
+            start_new_session=True,
+        )
+
+
+def _watch(child: Child, task: Task, stop: Stop) -> tuple[str, str] | None:
     """Wait for a child's end. Where it has to be stopped, return the state and the reason."""
     begun = looked = time.monotonic()
     while True:
@@ -353,7 +385,7 @@ def _watch(child: subprocess.Popen[bytes], task: Task, stop: Stop) -> tuple[str,
                 return STOPPED, "the ensemble was stopped"
 
 
-def _end_child(child: subprocess.Popen[bytes], stop: Stop) -> None:
+def _end_child(child: Child, stop: Stop) -> None:
     """Let a child write a checkpoint and end; kill it where it does not, or on STOP_NOW."""
     _signal(child, signal.SIGTERM)
     until = time.monotonic() + GRACE
@@ -365,7 +397,7 @@ def _end_child(child: subprocess.Popen[bytes], stop: Stop) -> None:
     child.wait()
 
 
-def _signal(child: subprocess.Popen[bytes], number: signal.Signals) -> None:
+def _signal(child: Child, number: signal.Signals) -> None:
     with contextlib.suppress(ProcessLookupError, PermissionError):
         if hasattr(os, "killpg"):
             os.killpg(child.pid, number)

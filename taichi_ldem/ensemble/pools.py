@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import threading
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -21,6 +22,7 @@ from taichi_ldem.ensemble.attempt import (
     attempt,
     stop_file,
 )
+from taichi_ldem.ensemble.standing import Standing
 from taichi_ldem.errors import SceneError
 from taichi_ldem.scene import Scene
 from taichi_ldem.solver.memory import available_bytes, needed_bytes
@@ -74,7 +76,7 @@ class _Ended:
 
 
 class LocalPool:
-    """Children of this process, at most ``workers`` at a time."""
+    """Children of this process, one for each of ``workers``, which take attempt after attempt."""
 
     local = True
 
@@ -84,15 +86,24 @@ class LocalPool:
         self._threads = ThreadPoolExecutor(workers, thread_name_prefix="member")
         self._tasks: dict[Future[Outcome], Task] = {}
         self._ended = _Ended()
+        self._own = threading.local()
+        self._standing: list[Standing] = []
 
     def submit(self, task: Task) -> None:  # noqa: D102
-        future = self._threads.submit(attempt, task, lambda: self._order)
+        future = self._threads.submit(self._attempt, task)
         self._tasks[future] = task
         self._ended.watch(future)
 
     def ended(self, seconds: float) -> list[Outcome]:  # noqa: D102
         done = self._ended.take(seconds)
         return [self._outcome(future, self._tasks.pop(future)) for future in done]
+
+    def _attempt(self, task: Task) -> Outcome:
+        """Make an attempt in the process of this thread."""
+        if not hasattr(self._own, "standing"):
+            self._own.standing = Standing()
+            self._standing.append(self._own.standing)
+        return attempt(task, lambda: self._order, self._own.standing)
 
     def _outcome(self, future: Future[Outcome], task: Task) -> Outcome:
         error = future.exception()
@@ -106,6 +117,8 @@ class LocalPool:
 
     def close(self) -> None:  # noqa: D102
         self._threads.shutdown(cancel_futures=True)
+        for standing in self._standing:
+            standing.close()
 
 
 def _raised(task: Task, error: BaseException) -> Outcome:

@@ -31,12 +31,14 @@ class How:
         scheduler: address of a Dask scheduler to use instead.
         threads: CPU threads of each member.
         timeout: longest time of an attempt, s; None: no limit.
+        figures: whether each member draws its figures and pictures.
     """
 
     local: int | None = None
     scheduler: str | None = None
     threads: int = 1
     timeout: float | None = None
+    figures: bool = False
 
 
 ENDED = (ExitCode.DONE, ExitCode.MEMBERS_MISSING)
@@ -85,7 +87,7 @@ def run(
                 plan,
                 folder,
                 pool,
-                commands or solver_commands(plan.members[0].scene.scenario),
+                commands or solver_commands(plan.members[0].scene.scenario, figures=how.figures),
                 timeout=how.timeout,
                 console=console,
                 ended=tables.note,

@@ -26,10 +26,10 @@ from taichi_ldem.scenarios.field_output import FieldOutput
 from taichi_ldem.scenarios.interrupts import WORDS, Interrupts, Signalled
 from taichi_ldem.scenarios.progress import announce, make_console, progress
 from taichi_ldem.scenarios.registry import entry_of
+from taichi_ldem.scenarios.workbench import WORKBENCH
 from taichi_ldem.scene import Scene, parse_scene
-from taichi_ldem.solver import backend
 from taichi_ldem.solver.contact import bodies_of, contacts_of, observables
-from taichi_ldem.solver.memory import peak_bytes, refuse_too_large
+from taichi_ldem.solver.memory import peak_bytes
 from taichi_ldem.storage import plate_shape
 from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.storage.history import HistoryWriter
@@ -139,7 +139,7 @@ def run(
     files = entry_of(scene).writes
     RunFolder.check(out, force=force, files=files)
     started, body = time.perf_counter(), plate_shape.read(scene)
-    simulation = _build(scene)
+    simulation = WORKBENCH.build(scene)
     if instrument is not None and instrument.prepare is not None:
         instrument.prepare(simulation)
     expected = simulation.measure_step() * simulation.steps
@@ -188,7 +188,7 @@ def resume(
             raise SceneError(f"'{out}' has no checkpoint that can be resumed; run its scene again")
         folder.processes()  # so is a record of them that is damaged
         started = time.perf_counter()
-        simulation = _build(scene)
+        simulation = WORKBENCH.build(scene)
         folder = folder.now()
         recorder = _restored(folder, simulation, itertools.chain([latest], found))
         if extend:
@@ -211,16 +211,6 @@ def _note_origin(folder: RunFolder, simulation: "Simulation") -> None:
             file=sys.stderr,
         )
     folder.write_provenance(here | {"resumed_at_s": simulation.time})
-
-
-def _build(scene: Scene) -> "Simulation":
-    refuse_too_large(scene)
-    backend.start(scene.solver)
-    from taichi_ldem.solver.simulation import Simulation
-
-    simulation = Simulation(scene)
-    simulation.compile()
-    return simulation
 
 
 def _extended(scene: Scene, by: float) -> Scene:

@@ -1,0 +1,61 @@
+"""A process that executes one command line after the other: ``python -m taichi_ldem.cli.standing``.
+
+Each line of standard input is an order, a JSON object with the ``arguments`` of ``ldem`` and the
+files that take what it prints, ``out`` and ``err``. Each line of standard output is the answer to
+one: its exit code, or OTHER where a new process has to execute it. The simulation is kept from
+order to order (``scenarios.workbench``). The process ends with its standard input, after an order
+that was ended by a signal, and after an answer of OTHER.
+"""
+
+import contextlib
+import json
+import os
+import sys
+from collections.abc import Iterator
+
+from taichi_ldem.cli.app import main
+from taichi_ldem.scenarios.workbench import WORKBENCH, NeedsOtherKernels
+
+OTHER = "other"
+"""The answer to an order that needs other kernels than those of this process."""
+
+SIGNALLED = 128
+"""Exit codes from here on mean that a signal has ended the command."""
+
+
+def serve() -> None:
+    """Execute orders until there are no more."""
+    WORKBENCH.keeps = True
+    with open(os.dup(1), "w", encoding="utf-8") as answers, open(0, encoding="utf-8") as orders:
+        for line in orders:
+            order = json.loads(line)
+            try:
+                with _printed_to(order["out"], order["err"]):
+                    answer: int | str = main(order["arguments"])
+            except NeedsOtherKernels:
+                answer = OTHER
+            print(answer, file=answers, flush=True)
+            if answer == OTHER or int(answer) >= SIGNALLED:
+                return
+
+
+@contextlib.contextmanager
+def _printed_to(out: str, err: str) -> Iterator[None]:
+    """Let descriptors 1 and 2 be files, to whose ends everything that is printed goes."""
+    before = os.dup(1), os.dup(2)
+    for number, path in ((1, out), (2, err)):
+        file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+        os.dup2(file, number)
+        os.close(file)
+    try:
+        yield
+    finally:
+        for stream in (sys.stdout, sys.stderr):
+            stream.flush()
+        for number, kept in zip((1, 2), before, strict=True):
+            os.dup2(kept, number)
+            os.close(kept)
+
+
+if __name__ == "__main__":
+    serve()
