@@ -15,13 +15,11 @@ from taichi_ldem.solver import backend
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation
 
-# Nearly all time of the tests goes into the compilation of kernels, and over half of that into two
-# passes of Taichi. They simplify code that LLVM then simplifies anyway: without them, results are
-# the same to the last bit, which `test_regression` checks, and the step is slower. Child processes
-# inherit the settings.
-FASTER_COMPILATION = {"TI_CFG_OPTIMIZATION": "0", "TI_ADVANCED_OPTIMIZATION": "0"}
-for _name, _value in FASTER_COMPILATION.items():
-    os.environ.setdefault(_name, _value)
+# Nearly all time of the tests goes into the compilation of kernels, and over half of that into a
+# group of Taichi's passes. They simplify code that LLVM then simplifies anyway: without them,
+# results are the same to the last bit, which `test_regression` checks, and the step is slower.
+# Child processes inherit the setting.
+os.environ.setdefault("TI_ADVANCED_OPTIMIZATION", "0")
 
 
 def _program() -> Any:

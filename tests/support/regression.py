@@ -22,8 +22,8 @@ import numpy as np
 
 HERE = Path(__file__).parents[1]
 REFERENCE = HERE / "reference"
-AS_USERS_DO = {"TI_CFG_OPTIMIZATION": "1", "TI_ADVANCED_OPTIMIZATION": "1"}
-"""Settings of Taichi that `conftest` changes for the tests, as they are without it."""
+AS_USERS_DO = {"TI_ADVANCED_OPTIMIZATION": "1"}
+"""The setting of Taichi that `conftest` changes for the tests, as it is without it."""
 TOLERANCE = {"f64": 1e-10, "f32": 1e-4}
 BAND = 0.1
 """Of each column's largest value, after the first bar has softened."""

@@ -92,10 +92,10 @@ def test_stopping_ends_children_cleanly_and_begins_none(conduct, fake):
 def test_an_attempt_that_raises_takes_nobody_with_it(conduct, fake, monkeypatch):
     from taichi_ldem.ensemble import pools
 
-    def broken(task: Task, stop) -> attempts.Outcome:
+    def broken(task: Task, stop, standing) -> attempts.Outcome:
         if task.name == "velocity2":
             raise RuntimeError("out of\nluck")
-        return attempt(task, stop)
+        return attempt(task, stop, standing)
 
     monkeypatch.setattr(pools, "attempt", broken)
     code, conductor = conduct(fake())

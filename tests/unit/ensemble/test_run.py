@@ -66,11 +66,11 @@ def test_an_ensemble_whose_folder_is_renamed_ends_and_spares_its_successor(plan,
 
 @pytest.mark.slow
 def test_two_true_members_are_those_of_the_command_alone(tmp_path):
-    """Slow: three runs in processes of their own."""
+    """Slow: two runs in one process, which keeps its simulation, and one of its own."""
     words = ["--set", "solver.duration=1e-4", "--set", "output.image_times=[]"]
     speeds = "striker.velocity=4,5"
     out = tmp_path / "ensemble"
-    assert main(["ensemble", str(SCENE), "--vary", speeds, "--out", str(out), *words]) == 0
+    assert main(["ensemble", str(SCENE), "--vary", speeds, "--out", str(out), "--local", "1", *words]) == 0
     alone = tmp_path / "alone"
     command = [sys.executable, "-m", "taichi_ldem.cli", "impact", str(SCENE), "--out", str(alone)]
     subprocess.run([*command, *words], check=True, capture_output=True)
