@@ -37,6 +37,10 @@ def ensemble(
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="run on a Dask cluster instead")
     ] = None,
+    slurm: Annotated[
+        int | None,
+        typer.Option(min=1, metavar="JOBS", help="run in so many SLURM jobs instead"),
+    ] = None,
     threads: Annotated[int, typer.Option(min=1, help="CPU threads of each member")] = 1,
     timeout: Annotated[
         float | None,
@@ -58,13 +62,13 @@ def ensemble(
     from taichi_ldem.errors import SceneError
     from taichi_ldem.model.material import check
 
-    if local is not None and scheduler is not None:
-        raise SceneError("--local and --scheduler exclude each other")
+    if sum(place is not None for place in (local, scheduler, slurm)) > 1:
+        raise SceneError("--local, --scheduler and --slurm exclude each other")
     given = [] if precision is None else [f"solver.precision={precision}"]
     given = [*(settings or ()), *given]
     members = plan.make_plan(scene_file, cv=cv, seeds=seeds, vary=vary or (), settings=given)
     for member in members.members:
         check(member.scene, scene_file.name)
     folder = default_folder(scene_file) if out is None else out
-    how = How(local=local, scheduler=scheduler, threads=threads, timeout=timeout, figures=figures)
+    how = How(local, scheduler, slurm, threads, timeout, figures)
     raise typer.Exit(run(members, folder, how, resume=resume, quiet=quiet))

@@ -165,15 +165,17 @@ class DaskPool:
 
     local = False
 
-    def __init__(self, address: str, ensemble: Path) -> None:
+    def __init__(self, address: str, ensemble: Path, security: Any = None) -> None:
+        """``security``: of Dask, what the scheduler asks for; None: as Dask is configured."""
         try:
             from distributed import Client
         except ImportError:
             raise SceneError("--scheduler needs Dask: pip install 'taichi-ldem[cluster]'") from None
+        more = {} if security is None else {"security": security}
         try:
             connect: Any = Client
             where = {"scheduler_file" if Path(address).is_file() else "address": address}
-            self._client: Any = connect(**where, timeout=15, set_as_default=False)
+            self._client: Any = connect(**where, **more, timeout=15, set_as_default=False)
             self._address = str(self._client.scheduler.address)
         except (OSError, ValueError, TypeError) as error:
             reason = " ".join(str(error).split()) or type(error).__name__

@@ -18,6 +18,8 @@ from taichi_ldem.ensemble.results import read_row, read_rows, write_tables
 from taichi_ldem.errors import ExitCode, SceneError
 from taichi_ldem.scenarios.interrupts import WORDS
 from taichi_ldem.scenarios.progress import make_console
+from taichi_ldem.scene import Scene
+from taichi_ldem.solver.memory import needed_bytes
 from taichi_ldem.storage.durable import LOCK
 from taichi_ldem.storage.folder import RunFolder
 
@@ -29,6 +31,7 @@ class How:
     Attributes:
         local: number of members at a time on this machine; None: as many as cores allow.
         scheduler: address of a Dask scheduler to use instead.
+        slurm: number of SLURM jobs to use instead.
         threads: CPU threads of each member.
         timeout: longest time of an attempt, s; None: no limit.
         figures: whether each member draws its figures and pictures.
@@ -36,6 +39,7 @@ class How:
 
     local: int | None = None
     scheduler: str | None = None
+    slurm: int | None = None
     threads: int = 1
     timeout: float | None = None
     figures: bool = False
@@ -75,11 +79,11 @@ def run(
     how = how or How()
     check(plan, folder, resume=resume)
     scenes = [member.scene for member in plan.members]
-    workers = 0 if how.scheduler else local_workers(how.local, how.threads, scenes)
+    elsewhere = how.scheduler or how.slurm
+    workers = 0 if elsewhere else local_workers(how.local, how.threads, scenes)
     RunFolder.check(folder, force=True)
     with RunFolder.held(folder):
-        pool: Pool
-        pool = DaskPool(how.scheduler, folder.absolute()) if how.scheduler else LocalPool(workers)
+        pool = _pool(how, folder.absolute(), workers, scenes)
         try:
             plans.write_plan(plan, folder, how.threads)
             tables = Tables(plan, folder)
@@ -101,6 +105,17 @@ def run(
             pool.close()
         _tell_end(console, folder, conductor, code)
     return code
+
+
+def _pool(how: How, folder: Path, workers: int, scenes: list[Scene]) -> Pool:
+    """Where the members are run."""
+    if how.scheduler:
+        return DaskPool(how.scheduler, folder)
+    if how.slurm:
+        from taichi_ldem.ensemble.slurm import SlurmPool
+
+        return SlurmPool(how.slurm, folder, how.threads, max(map(needed_bytes, scenes)))
+    return LocalPool(workers)
 
 
 class Tables:
