@@ -190,8 +190,7 @@ PIECE = 16
 """Columns of a row that one thread of a GPU sums up."""
 
 MOST_ALONE = 8000
-"""Most sites of a lattice for which one thread takes the step where the scene does not give the
-number of threads."""
+"""Most modules of a plate whose step one thread takes, where the scene gives no number of threads."""
 
 
 def suits_one_thread(scene: Scene) -> bool:
@@ -202,8 +201,8 @@ def suits_one_thread(scene: Scene) -> bool:
     contact = scene.contact
     if scene.solver.arch != "cpu" or (contact is not None and contact.fragments):
         return False
-    sites = math.prod(n + 3 for n in scene.plate.modules)
-    return scene.solver.threads == 1 or (scene.solver.threads is None and sites <= MOST_ALONE)
+    small = math.prod(scene.plate.modules) <= MOST_ALONE
+    return scene.solver.threads == 1 or (scene.solver.threads is None and small)
 
 
 @dataclass(frozen=True)

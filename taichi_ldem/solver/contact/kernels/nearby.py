@@ -177,7 +177,7 @@ class NearbyNodes:
         """Mark the nodes of a piece of a row, in every lane, that are near."""
         nz, ny, _ = ti.static(self.dynamics.sites)
         begin, body_speed = HALO + word * WORD, self.speed()
-        for lane in ti.static(range(self.dynamics.lanes.width)):
+        for lane in range(self.dynamics.lanes.width):
             near = ti.Vector.zero(ti.i32, self.dynamics.cell.sublattices)
             for m in range(begin, ti.min(begin + WORD, HALO + self.dynamics.lanes.length)):
                 i = self.dynamics.site_of(m, lane)
