@@ -1,8 +1,9 @@
 """Where runs get their simulations: a new one each, or one that a process keeps for all its runs.
 
 Building a simulation means to start Taichi and to load or compile its kernels, which takes as long
-as thousands of steps of a small plate. A process that makes many runs (a member of an ensemble after
-the other) therefore keeps its simulation and puts it back to t = 0 with the next scene's numbers.
+as thousands of steps of a small plate. A process that makes many runs (a member of an ensemble
+after the other) therefore keeps its simulation and puts it back to t = 0 with the numbers of the
+next scene.
 """
 
 from typing import TYPE_CHECKING

@@ -1,8 +1,13 @@
-"""Starts Taichi, without its banner on stdout. No other module starts it."""
+"""Starts Taichi, without its banner on stdout. No other module starts it.
+
+This is also the only module that touches private parts of Taichi: what another version or a fork of
+it names otherwise has to be changed here alone.
+"""
 
 import contextlib
 import ctypes
 import functools
+import inspect
 import os
 import sys
 import tempfile
@@ -136,8 +141,8 @@ def _spare_taichi_work() -> None:
     ast_transformer_utils.ASTTransformerContext.get_pos_info = _place
     kernel_impl.textwrap = _TextWrap
     for name in ("getsourcelines", "getsourcefile"):
-        if not hasattr(getattr(kernel_impl, name), "cache_info"):
-            setattr(kernel_impl, name, functools.cache(getattr(kernel_impl, name)))
+        if not hasattr(getattr(kernel_impl, name, None), "cache_info"):
+            setattr(kernel_impl, name, functools.cache(getattr(inspect, name)))
 
 
 @contextlib.contextmanager
@@ -249,8 +254,31 @@ def _initialise(wanted: str, precision: str, options: dict[str, Any]) -> bool:
         options["offline_cache_file_path"] = str(cache)
         if arch == ti.cpu:
             options["cfg_optimization"] = False
+        if hasattr(ti.lang.impl.default_cfg(), "compile_tier"):
+            options["compile_tier"] = "full"  # of taichi-forge, whose default steps 20 times slower
         try:
             ti.init(fast_math=False, log_level=ti.ERROR, **options)
         except ValueError as error:  # a variable such as TI_DEBUG that is no number
             raise SceneError(f"a variable TI_... of the environment: {error}") from None
         return bool(ti.lang.impl.current_cfg().arch == arch)
+
+
+def configuration() -> Any:
+    """The configuration that Taichi runs with: its ``arch``, ``cpu_max_num_threads`` and so on."""
+    import taichi as ti
+
+    return ti.lang.impl.current_cfg()
+
+
+def default_float() -> Any:
+    """Taichi's type of a number without another one."""
+    import taichi as ti
+
+    return ti.lang.impl.get_runtime().default_fp
+
+
+def numpy_type(kind: Any) -> Any:
+    """NumPy's type for one of Taichi's."""
+    import taichi as ti
+
+    return ti.lang.util.to_numpy_type(kind)

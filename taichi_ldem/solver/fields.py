@@ -190,7 +190,7 @@ PIECE = 16
 """Columns of a row that one thread of a GPU sums up."""
 
 MOST_ALONE = 8000
-"""Most modules of a plate whose step one thread takes, where the scene gives no number of threads."""
+"""Most modules of a plate whose step one thread takes, where a scene gives no number of threads."""
 
 
 def suits_one_thread(scene: Scene) -> bool:

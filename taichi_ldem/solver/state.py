@@ -17,6 +17,7 @@ from taichi_ldem.model.cell import CENTRE
 from taichi_ldem.model.lattice import Lattice
 from taichi_ldem.model.material import Bars
 from taichi_ldem.scene.equations import QUARTER
+from taichi_ldem.solver import backend
 from taichi_ldem.solver.fields import FIELDS, REAL, Features, Layout, Row, rows
 from taichi_ldem.solver.laws import law_named
 
@@ -43,7 +44,7 @@ def field_apart(kind: Any, shape: tuple[int, ...] | int, numbers: int = 0) -> ti
         if numbers
         else (lambda **where: ti.field(kind, **where))
     )
-    if ti.lang.impl.current_cfg().arch in (ti.x64, ti.arm64, ti.cuda):
+    if backend.configuration().arch in (ti.x64, ti.arm64, ti.cuda):
         return vector(shape=shape)
     field, sizes = vector(), (shape,) if isinstance(shape, int) else shape
     tree = ti.FieldsBuilder()
@@ -54,14 +55,13 @@ def field_apart(kind: Any, shape: tuple[int, ...] | int, numbers: int = 0) -> ti
 
 def field_bytes(field: ti.Field) -> int:
     """Bytes that a dense field holds."""
-    size = np.dtype(ti.lang.util.to_numpy_type(field.dtype)).itemsize
+    size = np.dtype(backend.numpy_type(field.dtype)).itemsize
     return int(np.prod(field.shape)) * getattr(field, "n", 1) * size
 
 
 def numpy_float() -> type[np.floating]:
     """NumPy's name for Taichi's default float."""
-    f64 = ti.lang.impl.get_runtime().default_fp == ti.f64
-    return np.float64 if f64 else np.float32
+    return np.float64 if backend.default_float() == ti.f64 else np.float32
 
 
 def _allocate(row: Row, layout: Layout) -> Any:
@@ -145,7 +145,7 @@ class State:
     ):
         """As ``Dynamics``."""
         self.lattice, self.features, self.cell = lattice, features, lattice.cell
-        config = ti.lang.impl.current_cfg()
+        config = backend.configuration()
         self.on_cpu = config.arch in (ti.x64, ti.arm64)
         self.layout = Layout.fitting(
             lattice.sites,

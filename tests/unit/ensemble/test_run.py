@@ -70,7 +70,10 @@ def test_two_true_members_are_those_of_the_command_alone(tmp_path):
     words = ["--set", "solver.duration=1e-4", "--set", "output.image_times=[]"]
     speeds = "striker.velocity=4,5"
     out = tmp_path / "ensemble"
-    assert main(["ensemble", str(SCENE), "--vary", speeds, "--out", str(out), "--local", "1", *words]) == 0
+    assert (
+        main(["ensemble", str(SCENE), "--vary", speeds, "--out", str(out), "--local", "1", *words])
+        == 0
+    )
     alone = tmp_path / "alone"
     command = [sys.executable, "-m", "taichi_ldem.cli", "impact", str(SCENE), "--out", str(alone)]
     subprocess.run([*command, *words], check=True, capture_output=True)
