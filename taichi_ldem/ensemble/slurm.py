@@ -36,8 +36,8 @@ class SlurmPool(DaskPool):
             SceneError: dask-jobqueue or ``sbatch`` is missing, or its configuration is wrong.
         """
         try:
-            from dask_jobqueue import SLURMCluster
-            from distributed import Security
+            import dask_jobqueue
+            import distributed
         except ImportError:
             raise SceneError(
                 "--slurm needs dask-jobqueue: pip install 'taichi-ldem[cluster]'"
@@ -46,10 +46,11 @@ class SlurmPool(DaskPool):
             raise SceneError("--slurm: there is no 'sbatch' here; run it where jobs are submitted")
         self._keys, self._jobs = ensemble / KEYS, jobs
         self._keys.mkdir(mode=0o700, exist_ok=True)
-        security = Security.temporary()
-        cluster: Any = SLURMCluster
+        jobqueue: Any = dask_jobqueue
+        dask: Any = distributed
+        security = dask.Security.temporary()
         try:
-            self._cluster = cluster(
+            self._cluster = jobqueue.SLURMCluster(
                 cores=threads,
                 processes=1,
                 memory=f"{memory}B",

@@ -170,8 +170,7 @@ class Simulation:
             )
         return chosen, max(1, round(interval / chosen))
 
-    # -- stepping
-    # -----------------------------------------------------------------------------------
+    # -- stepping ----------------------------------------------------------------------------------
 
     @property
     def time(self) -> float:
@@ -301,8 +300,7 @@ class Simulation:
             for field in dynamics.damped:
                 field.fill(0)
 
-    # -- sampling
-    # -----------------------------------------------------------------------------------
+    # -- sampling ----------------------------------------------------------------------------------
 
     def sample_step(self) -> Sample:
         """Take one step and return the state at its start, with energies centred there.
@@ -458,8 +456,7 @@ class Simulation:
         sums = (self.energies.rows, self.energies.group_sums, self.sampler.recorded)
         return sizes | {"energies": sum(field_bytes(field) for field in sums)}
 
-    # -- saving
-    # -----------------------------------------------------------------------------------
+    # -- saving ------------------------------------------------------------------------------------
 
     def saved_state(self) -> dict[str, npt.NDArray]:
         """The state from which the next step starts: see ``saving.saved_state``."""
@@ -473,8 +470,7 @@ class Simulation:
         """
         saving.restore_state(self, saved)
 
-    # -- results
-    # ------------------------------------------------------------------------------------
+    # -- results -----------------------------------------------------------------------------------
 
     def contact_loss(self, name: str) -> float:
         """Energy lost so far in contact with the body of a name, J; 0 where there is none."""

@@ -84,7 +84,7 @@ class Body:
 
     def make(self, dynamics: "Dynamics", scene: Scene) -> "RigidBody":
         """The body with its kernels, for a scene that has it."""
-        return self.kernels()(dynamics, scene)  # type: ignore[call-arg, arg-type]
+        return self.kernels()(dynamics, scene)  # type: ignore[arg-type]
 
     def observables_in(self, scene: Scene) -> tuple[Observable, ...]:
         """The observables of the body in a scene; all of ``observables`` unless it says more."""

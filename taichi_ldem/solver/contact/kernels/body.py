@@ -166,8 +166,7 @@ class RigidBody(NearbyNodes):
         if self.rubs:
             self.friction.fill(layout.friction)
 
-    # -- on the host
-    # -------------------------------------------------------------------------------------
+    # -- on the host -------------------------------------------------------------------------------
 
     def layout_of(self, dynamics: Dynamics, scene: "Scene") -> Layout:
         """The body's layout in a scene; each body's own.
@@ -278,8 +277,7 @@ class RigidBody(NearbyNodes):
             self._add_up()
         return self.sums.to_numpy()
 
-    # -- together with other bodies
-    # -------------------------------------------------------------------------------------
+    # -- together with other bodies ----------------------------------------------------------------
 
     def share_nodes(self) -> None:
         """Prepare for other bodies that press nodes against this one."""
@@ -294,8 +292,7 @@ class RigidBody(NearbyNodes):
                 s, k, j, i = self.site_of(number)
                 self.free[number] = self.dynamics.node_velocity(s, k, j, i)
 
-    # -- a node's place and motion
-    # -------------------------------------------------------------------------------------
+    # -- a node's place and motion -----------------------------------------------------------------
 
     @ti.func
     def component(self, impulse):
@@ -380,8 +377,7 @@ class RigidBody(NearbyNodes):
             share = self.friction[0] * pushed / way
         return share
 
-    # -- sums
-    # -------------------------------------------------------------------------------------
+    # -- sums --------------------------------------------------------------------------------------
 
     @ti.func
     def chunks(self):
@@ -476,8 +472,7 @@ class RigidBody(NearbyNodes):
         self.sums[LOSS_BEFORE] = self.sums[LOSS_BEFORE] - before
         self.sums[LOSS_AFTER] = self.sums[LOSS_AFTER] - after
 
-    # -- the body's motion
-    # -------------------------------------------------------------------------------------
+    # -- the body's motion -------------------------------------------------------------------------
 
     @ti.func
     def act_first(self, now, time_step, damping):
