@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from taichi_ldem.solver.energy import Ledger
+from taichi_ldem.solver.stability import chosen_time_step
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation
@@ -87,7 +88,9 @@ def restore_state(simulation: "Simulation", saved: Saved) -> None:
         int(saved["clock/now"]),
     )
     simulation.critical_time_step = float(saved["clock/critical_time_step"])
-    simulation.time_step, simulation.sample_every = simulation._choose_time_step()
+    simulation.time_step, simulation.sample_every = chosen_time_step(
+        simulation.scene, simulation.critical_time_step
+    )
     simulation.steps = round(simulation.scene.solver.duration / simulation.time_step)
     start, last = saved["ledger/start"], saved["ledger/last"]
     simulation.initial_ledger = Ledger(*(float(value) for value in start)) if len(start) else None

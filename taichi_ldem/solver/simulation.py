@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import taichi as ti
 
-from taichi_ldem.errors import SceneError, TooManyNodes
+from taichi_ldem.errors import TooManyNodes
 from taichi_ldem.model.lattice import Lattice
 from taichi_ldem.scene import Scene
 from taichi_ldem.solver import guard, saving, stability
@@ -102,7 +102,9 @@ class Simulation:
         self.spacing = self.dynamics.lattice.spacing
         self.damping = self.scene.solver.damping
         self.critical_time_step = stability.critical_time_step(self.dynamics)
-        self.time_step, self.sample_every = self._choose_time_step()
+        self.time_step, self.sample_every = stability.chosen_time_step(
+            self.scene, self.critical_time_step
+        )
         self.steps = round(self.scene.solver.duration / self.time_step)
 
     def _start_clock(self) -> None:
@@ -150,25 +152,6 @@ class Simulation:
     def body(self, name: str) -> Any:
         """The rigid body of a name (see ``contact.BODIES``); None where the scene has none."""
         return next((body for body in self.bodies if body.name == name), None)
-
-    def _choose_time_step(self) -> tuple[float, int]:
-        """Time step and the number of steps between two samples.
-
-        "auto" is the safety factor times the critical step, shortened so that a whole number of
-        steps makes a history interval.
-        """
-        solver, interval = self.scene.solver, self.scene.output.history_interval
-        critical = self.critical_time_step
-        if solver.time_step == "auto":
-            every = int(np.ceil(interval / (solver.safety * critical) * (1 - 1e-12)))
-            return interval / every, every
-        chosen = float(solver.time_step)
-        if chosen > critical and not solver.allow_unstable:
-            raise SceneError(
-                f"solver.time_step = {chosen}: above the critical time step {critical:.4g} s of "
-                'this lattice; use "auto" or a smaller one (or solver.allow_unstable = true)'
-            )
-        return chosen, max(1, round(interval / chosen))
 
     # -- stepping ----------------------------------------------------------------------------------
 

@@ -11,6 +11,8 @@ import numpy as np
 import numpy.typing as npt
 import taichi as ti
 
+from taichi_ldem.errors import SceneError
+from taichi_ldem.scene import Scene
 from taichi_ldem.solver.dynamics import Dynamics
 from taichi_ldem.solver.lanes import HALO
 from taichi_ldem.solver.state import field_apart
@@ -210,3 +212,25 @@ def largest_strains(
 
 def _nan_first(value: float) -> float:
     return np.inf if np.isnan(value) else value
+
+
+def chosen_time_step(scene: Scene, critical: float) -> tuple[float, int]:
+    """Time step of a scene, s, and the number of steps between two samples.
+
+    "auto" is the safety factor times the critical step (s), shortened so that a whole number of
+    steps makes a history interval.
+
+    Raises:
+        SceneError: a time step above the critical one.
+    """
+    solver, interval = scene.solver, scene.output.history_interval
+    if solver.time_step == "auto":
+        every = int(np.ceil(interval / (solver.safety * critical) * (1 - 1e-12)))
+        return interval / every, every
+    chosen = float(solver.time_step)
+    if chosen > critical and not solver.allow_unstable:
+        raise SceneError(
+            f"solver.time_step = {chosen}: above the critical time step {critical:.4g} s of "
+            'this lattice; use "auto" or a smaller one (or solver.allow_unstable = true)'
+        )
+    return chosen, max(1, round(interval / chosen))
