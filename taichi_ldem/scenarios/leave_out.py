@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_ldem.scene import FILES, Scene, load_scene, parse_scene, scene_to_toml
+from taichi_ldem.scene.loads import OF_NODES
 from taichi_ldem.solver.contact import FRAGMENTS
 from taichi_ldem.solver.fields import tables_of_all_features
 
@@ -95,8 +96,13 @@ def kernels(simulation: "Simulation") -> list[str]:
         found += simulation.fragments.kernel_names()
     if simulation.dynamics.features.damage:
         found.append("broken bars")
-    if simulation.scene.probes:
-        found.append("probes")
+    recorded = {quantity for probe in simulation.scene.probes for quantity in probe.quantities}
+    if not recorded.isdisjoint(OF_NODES):
+        found.append("motions of probes")
+    if recorded - {*OF_NODES}:
+        found.append("strains of probes")
+    if "stress" in recorded:
+        found.append("stresses of probes")
     features = simulation.dynamics.features
     if (features.crack or features.weakening) and simulation.dynamics.in_strips:
         found.append("damage before the step")

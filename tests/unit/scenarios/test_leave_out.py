@@ -62,17 +62,18 @@ def test_kernels_are_those_of_the_features() -> None:
         return SimpleNamespace(kernel_names=lambda: list(names))
 
     def of(
-        damage: bool, *bodies: SimpleNamespace, crack: bool = False, probes: bool = False
+        damage: bool, *bodies: SimpleNamespace, crack: bool = False, probes: tuple[str, ...] = ()
     ) -> list[str]:
         features = SimpleNamespace(damage=damage, crack=crack, weakening=False)
         dynamics = SimpleNamespace(features=features, in_strips=True)
-        scene = SimpleNamespace(probes=probes)
+        scene = SimpleNamespace(probes=[SimpleNamespace(quantities=probes)])
         simulation = SimpleNamespace(dynamics=dynamics, bodies=bodies, fragments=None, scene=scene)
         return kernels(simulation)  # type: ignore[arg-type]
 
     assert of(False) == ["step", "energies"]
     assert of(True) == ["step", "energies", "broken bars"]
-    assert of(False, probes=True) == ["step", "energies", "probes"]
+    assert of(False, probes=("velocity",))[2:] == ["motions of probes"]
+    assert of(False, probes=("stress",))[2:] == ["strains of probes", "stresses of probes"]
     assert of(True, crack=True) == ["step", "energies", "broken bars", "damage before the step"]
     assert of(False, body("contact: a", "nodes near: a"), body("b"))[2:] == [
         "contact: a",
