@@ -53,10 +53,10 @@ def announce(
 @contextlib.contextmanager
 def progress(console: Console, simulation: "Simulation") -> Iterator["Callable[[Sample], None]"]:
     """A function that shows a sample: in a bar on a terminal, in plain lines elsewhere."""
-    bodies = [body for body in bodies_of(simulation.scene) if body.force is not None]
+    columns = {b.name: b.force for b in bodies_of(simulation.scene) if b.force is not None}
 
     def state(sample: "Sample") -> str:
-        return _state(sample, {b.name: sample.observed[b.force] for b in bodies})
+        return _state(sample, {name: sample.observed[column] for name, column in columns.items()})
 
     if console.is_terminal and not console.quiet:
         with Progress(

@@ -63,7 +63,16 @@ def _annotate(axes: Axes, panel: Panel) -> None:
 
 def _draw_mark(axes: Axes, mark: str, at: FloatArray) -> None:
     box = {"boxstyle": "circle,pad=0.2", "facecolor": "white", "edgecolor": tuple(BODY_RGB)}
-    axes.text(*at, mark, ha="center", va="center", fontsize=14, bbox=box, clip_on=True)
+    axes.text(
+        float(at[0]),
+        float(at[1]),
+        mark,
+        ha="center",
+        va="center",
+        fontsize=14,
+        bbox=box,
+        clip_on=True,
+    )
 
 
 def _draw_scale_bar(axes: Axes, panel: Panel) -> None:
