@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taichi_ldem.gallery.drawing import draw_broken
 from taichi_ldem.gallery.problem import Finding, Problem, Run, Runs, between
 from taichi_ldem.gallery.readings import Array, advance, speed_over_rayleigh
 from taichi_ldem.storage.fields import read_broken_bars
@@ -72,10 +73,8 @@ def _judge(runs: Runs) -> list[Finding]:
 def _draw(figure: Figure, runs: Runs) -> None:
     grid = figure.subplots(len(runs), 1, sharex=True, squeeze=False)
     for axes, (name, run) in zip(grid.ravel(), runs.items(), strict=True):
-        bars = read_broken_bars(run.folder.fields_file)
-        x, y = 1e3 * bars.position_m[:, 0], 1e3 * bars.position_m[:, 1]
-        points = axes.scatter(x, y, c=1e6 * bars.time_s, s=1.5, cmap="viridis")
-        axes.set(ylabel="y [mm]", xlim=(-50, 50), ylim=(-20, 20), aspect="equal")
+        points = draw_broken(axes, run, timed=True)
+        axes.set(xlabel="", xlim=(-50, 50), ylim=(-20, 20))
         axes.set_title(LABELS[name], fontsize=12)
         figure.colorbar(points, ax=axes, label="time [us]")
     grid[-1][0].set_xlabel("x [mm]")

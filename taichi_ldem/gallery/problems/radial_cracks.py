@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taichi_ldem.gallery.drawing import draw_broken
 from taichi_ldem.gallery.problem import Finding, Problem, Run, Runs, between
-from taichi_ldem.storage.fields import read_broken_bars
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -73,10 +73,9 @@ def _draw(figure: Figure, runs: Runs) -> None:
     axes.set_xticks([20, 30, 50, 100], ["20", "30", "50", "100"])
     axes.minorticks_off()
     for column, speed in enumerate(counts):
-        place = 1e3 * read_broken_bars(runs[_name(speed)].folder.fields_file).position_m
         panel = figure.add_subplot(grid[1, column])
-        panel.plot(place[:, 0], place[:, 1], ".", markersize=1)
-        panel.set(aspect="equal", xlim=(-40, 40), ylim=(-40, 40), xlabel="x [mm]")
+        draw_broken(panel, runs[_name(speed)])
+        panel.set(xlim=(-40, 40), ylim=(-40, 40), ylabel="")
         panel.set_title(f"{speed:g} m/s", fontsize=11)
 
 
