@@ -11,6 +11,7 @@ Stress Concentration Factors: K_n = 2 + 0.284 a - 0.600 a^2 + 1.32 a^3 on the ne
 """
 
 from argparse import ArgumentParser
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -83,19 +84,19 @@ def concentration(diameter: int, share: float, layers: int) -> tuple[float, floa
     exists = lattice.bar_exists()[..., :-1, 0]
     strain = np.where(exists, strain, np.nan)
     middle, column = ny // 2 + 1, lattice.modules[0] // 2  # of sites; bars on both sides of x = 0
-    rows = np.nanmean(strain[1 : layers + 2, :, column : column + 2], axis=(0, 2))
     edge = middle + int(np.nonzero(lattice.mask[0, ny // 2 :, lattice.modules[0] // 2])[0][0])
-    stress = scene.material.youngs_modulus * rows[[edge, edge + 1]] / (force / section)
+    near = strain[1 : layers + 2, edge : edge + 2, column : column + 2]
+    stress = scene.material.youngs_modulus * np.nanmean(near, axis=(0, 2)) / (force / section)
     return float(stress[0]), float(stress[1])
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Print the table."""
     parser = ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--diameters", type=int, nargs="+", default=[10, 20, 40])
     parser.add_argument("--share", type=float, default=0.2, help="of the width")
     parser.add_argument("--layers", type=int, default=2, help="modules through the thickness")
-    options = parser.parse_args()
+    options = parser.parse_args(arguments)
     exact = howland(options.share)
     print(f"Howland, d / W = {options.share:g}: {exact:.3f}; on the edge and one module off it")
     for diameter in options.diameters:

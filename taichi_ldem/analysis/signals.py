@@ -19,7 +19,9 @@ not.
 
 The paper advises to read t2 from records without oscillations (text on Figs. 13 and 14):
 
-- t2 from the strain energy: the time of its largest value, if it later falls below half of that.
+- t2 from the strain energy: the time of its largest value from damage onset on, if it later falls
+  below half of that. Where strikers that move away from the plate, or loads, have got back at least
+  half of what it lost by then, the plate has sprung back, and there is no failure.
 - t2 from the velocity: the time at which the striker's deceleration (change of velocity over a
   window) falls most, if the mean deceleration from a window later to the end is less than half.
   A striker that moves away from the plate then has been thrown back, and there is no failure.
@@ -38,6 +40,7 @@ ONSET_SHARE = 1e-3
 PEAK_DROP = 0.03
 FAILURE_SHARE = 0.5
 GONE_SHARE = 0.2
+SPRUNG_BACK = 0.5
 FILTER_ORDER = 2
 
 Array = npt.NDArray[np.float64]
@@ -188,16 +191,27 @@ def _failure(smooth: Array, start: int) -> int:
     return len(smooth)
 
 
-def energy_failure(time: Array, strain: Array) -> float | None:
+def energy_failure(
+    time: Array, strain: Array, onset: float | None, given_back: Array
+) -> float | None:
     """Failure time t2 from the strain energy, s (see the module), or None.
 
     Args:
-        time: (n,) s. strain: (n,) strain energy, J.
+        time: (n,) s. strain: (n,) strain energy, J. onset: damage onset, s; without it, no failure.
+        given_back: (n,) energy that the plate has given back, apart from a constant, J.
     """
-    if not len(strain):
+    if onset is None or not len(strain):
         return None
-    peak = int(np.argmax(strain))
-    return float(time[peak]) if strain[peak:].min() < FAILURE_SHARE * strain[peak] else None
+    begin = int(np.searchsorted(time, onset))
+    peak = begin + int(np.argmax(strain[begin:]))
+    if begin == peak > 0 and strain[peak - 1] > strain[peak]:
+        return None  # it fell before there was any damage
+    low = np.flatnonzero(strain[peak:] < FAILURE_SHARE * strain[peak])
+    if not len(low):
+        return None
+    end = peak + int(low[0])
+    returned = given_back[end] - given_back[peak]
+    return None if returned >= SPRUNG_BACK * (strain[peak] - strain[end]) else float(time[peak])
 
 
 def velocity_failure(

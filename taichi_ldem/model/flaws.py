@@ -105,6 +105,24 @@ def flaw_of(notch: "Notch") -> Flaw:
     return rectangle(notch.axes[0], notch.place, (a, c), (b, d))
 
 
+def rim(notch: "Notch") -> Floats:
+    """(n, 3) places on the edge of a notch, all around, m."""
+    if notch.points is not None:
+        origin, first, second = np.array(notch.points, dtype=float)
+        return np.stack([origin, first, first + second - origin, second])
+    if notch.centre is None:
+        return flaw_of(notch).corners[[0, 1, 3, 2]]
+    assert notch.diameter is not None
+    assert notch.direction is not None
+    normal = np.array(notch.direction, dtype=float)
+    first = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+    second = np.cross(normal, first)
+    angle = np.linspace(0.0, 2 * math.pi, 73)[:-1, None]
+    ways = [way / np.linalg.norm(way) for way in (first, second)]
+    around = np.cos(angle) * ways[0] + np.sin(angle) * ways[1]
+    return np.asarray(notch.centre + 0.5 * notch.diameter * around)
+
+
 def beyond(position: float, middle: float, spacing: float) -> float:
     """The place of a plane that does not go through nodes, m: a little further from the middle.
 

@@ -11,7 +11,7 @@ that they carry, and the masses of the nodes.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any
 
@@ -238,6 +238,56 @@ class Lattice:
             for a, b in zip(np.clip(low, 0, count), np.clip(high, 0, count), strict=True)
         )
         return z, y, x
+
+
+@dataclass(frozen=True)
+class Part(Lattice):
+    """The modules in a box of a lattice, at their places, with the offsets of its nodes.
+
+    Its border is not that of the body: it says which modules, nodes and bars there are, but not
+    their shares.
+
+    Attributes:
+        first: numbers of the box's first module along z, y and x; those of its first site too.
+        whole: the lattice.
+    """
+
+    first: tuple[int, int, int] = field(kw_only=True)
+    whole: Lattice = field(kw_only=True)
+
+    @classmethod
+    def around(cls, whole: Lattice, chosen: npt.NDArray[np.bool_]) -> "Part":
+        """The smallest box that holds some modules of a lattice and those next to them.
+
+        Args:
+            chosen: (nz, ny, nx) True for these modules; one at least.
+        """
+        place = np.argwhere(chosen)
+        low = np.maximum(place.min(axis=0) - 1, 0)
+        high = np.minimum(place.max(axis=0) + 2, chosen.shape)
+        box = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
+        z, y, x = low.tolist()
+        settings = {f.name: getattr(whole, f.name) for f in fields(Lattice)}
+        settings["mask"] = whole.mask[box]
+        return cls(**settings, first=(z, y, x), whole=whole)
+
+    @property
+    def origin(self) -> tuple[float, float, float]:
+        """Position of corner site (1, 1, 1), m."""
+        x, y, z = (
+            start + n * self.spacing
+            for start, n in zip(self.whole.origin, self.first[::-1], strict=True)
+        )
+        return x, y, z
+
+    @cached_property
+    def offsets(self) -> npt.NDArray[np.float64] | None:
+        """(sublattices, *S, 3) way of each node from its regular place, m; None where all are 0."""
+        of_all = self.whole.offsets
+        if of_all is None:
+            return None
+        sites = zip(self.first, self.sites, strict=True)
+        return of_all[(slice(None), *(slice(n, n + count) for n, count in sites))]
 
 
 def prism(nx: int, ny: int, nz: int) -> npt.NDArray[np.bool_]:

@@ -4,6 +4,8 @@ Nodes count at their places in the regular lattice, whatever their perturbation.
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +16,42 @@ SLACK = 1e-6
 """Rounding of places, in modules."""
 
 Chosen = npt.NDArray[np.bool_]
-"""(sublattices, *S) True for the nodes of a region."""
+"""(sublattices, *S) True for the nodes of a region, or (nz, ny, nx) True for its modules."""
+
+
+class Places(Protocol):
+    """Nodes of a lattice, which is itself an example, or its modules."""
+
+    @property
+    def spacing(self) -> float:
+        """Edge of a module, m."""
+
+    def exists(self) -> Chosen:
+        """True where there is one."""
+
+    def grid(self) -> npt.NDArray[np.float64]:
+        """Their places in the regular lattice, m, with one more axis."""
+
+
+@dataclass(frozen=True)
+class Modules:
+    """The modules of a lattice, at their centres."""
+
+    lattice: Lattice
+
+    @property
+    def spacing(self) -> float:
+        """Edge of a module, m."""
+        return self.lattice.spacing
+
+    def exists(self) -> Chosen:
+        """(nz, ny, nx) True where there is one."""
+        return self.lattice.mask
+
+    def grid(self) -> npt.NDArray[np.float64]:
+        """(nz, ny, nx, 3) places of their centres, m."""
+        corners = self.lattice.grid()[0, 1:-2, 1:-2, 1:-2]
+        return np.asarray(corners + 0.5 * self.spacing)
 
 
 def side_of(face: str) -> tuple[int, int]:
@@ -29,12 +66,12 @@ def on_face(lattice: Lattice, face: str) -> Chosen:
     return np.asarray(exists & (along > along[exists].max() - (0.5 - SLACK) * lattice.spacing))
 
 
-def in_box(lattice: Lattice, corners: Sequence[Sequence[float]]) -> Chosen:
-    """All nodes in the box between two opposite corners (m)."""
-    ends, slack = np.sort(np.array(corners), axis=0), SLACK * lattice.spacing
-    place = lattice.grid()
+def in_box(places: Places, corners: Sequence[Sequence[float]]) -> Chosen:
+    """All nodes or modules in the box between two opposite corners (m)."""
+    ends, slack = np.sort(np.array(corners), axis=0), SLACK * places.spacing
+    place = places.grid()
     inside = (place >= ends[0] - slack) & (place <= ends[1] + slack)
-    return np.asarray(lattice.exists() & inside.all(axis=-1))
+    return np.asarray(places.exists() & inside.all(axis=-1))
 
 
 def between_circles(
@@ -54,17 +91,17 @@ def between_circles(
     return np.asarray((radius >= inner - slack) & (radius <= outer + slack))
 
 
-def near_plane(lattice: Lattice, axis: str, position: float) -> Chosen:
-    """All nodes within half a module of a plane normal to an axis (m)."""
-    away = np.abs(lattice.grid()[..., "xyz".index(axis)] - position)
-    return np.asarray(lattice.exists() & (away <= (0.5 + SLACK) * lattice.spacing))
+def near_plane(places: Places, axis: str, position: float) -> Chosen:
+    """All nodes or modules within half a module of a plane normal to an axis (m)."""
+    away = np.abs(places.grid()[..., "xyz".index(axis)] - position)
+    return np.asarray(places.exists() & (away <= (0.5 + SLACK) * places.spacing))
 
 
-def nearest(lattice: Lattice, point: Sequence[float]) -> Chosen:
-    """The node that is nearest to a point (m), or all that are equally near."""
-    exists = lattice.exists()
-    away = np.linalg.norm(lattice.grid() - np.array(point), axis=-1)
-    return np.asarray(exists & (away <= away[exists].min() + SLACK * lattice.spacing))
+def nearest(places: Places, point: Sequence[float]) -> Chosen:
+    """The node or module that is nearest to a point (m), or all that are equally near."""
+    exists = places.exists()
+    away = np.linalg.norm(places.grid() - np.array(point), axis=-1)
+    return np.asarray(exists & (away <= away[exists].min() + SLACK * places.spacing))
 
 
 def areas(lattice: Lattice, region: Chosen, face: str | None) -> npt.NDArray[np.float64]:

@@ -282,7 +282,7 @@ def _against_everything(scene: Scene, simulation: "Simulation", measured: bool) 
     own, whole = field_bytes(scene), field_bytes(full)
     texts = [f"{1e-6 * number:.2f}" for number in (own, whole)]
     table.add_row("MB of nodes and bars", *texts, f"{100 * own / whole:.0f} %")
-    table.add_row("kernels", str(cost.kernels), str(leave_out.kernels_of_everything(scene)))
+    table.add_row("kernels", str(cost.kernels), str(leave_out.kernels_of_everything(simulation)))
     return table
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_ldem.scenarios.fragment_output import FragmentOutput
-from taichi_ldem.scenarios.module_fields import ModuleFields
+from taichi_ldem.solver.module_fields import ModuleFields
 from taichi_ldem.storage.fields import FieldWriter, hexahedral_mesh, read_times, widths
 from taichi_ldem.storage.folder import RunFolder
 from taichi_ldem.storage.provenance import provenance
@@ -55,7 +55,7 @@ class FieldOutput:
             folder.fields_file, points, cells, old, origin, lattice.cell, names
         )
         self.bytes_per_frame = 4 * (6 * len(self.at[0]) + len(cells) * (1 + widths(names)))
-        self.quantities = ModuleFields(simulation, scene.output.fields, points, cells)
+        self.quantities = ModuleFields(simulation.dynamics, scene.output.fields, points, cells)
         self.fragments: FragmentOutput | None = None
         if scene.output.fragments:
             until = None
@@ -102,7 +102,7 @@ class FieldOutput:
         fraction = np.zeros(int(self.module.sum()))
         if self.damage:
             fraction = s.broken_fraction()[self.module]
-        quantities: dict[str, Any] = self.quantities.at_sample(moved, displacement)
+        quantities: dict[str, Any] = self.quantities.at_sample(1 - s.now, moved, displacement)
         if self.fragments is not None:
             quantities["fragment"] = self.fragments.write(at, moved)
         self.writer.append(at, displacement, velocity, fraction, quantities)

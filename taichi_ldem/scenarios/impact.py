@@ -20,7 +20,10 @@ def summary(simulation: "Simulation", history: History, folder: RunFolder) -> di
 
     The definitions are those of ``analysis.signals`` and ``analysis.cracks``.
     """
+    from taichi_ldem.scenarios.measure import failure_by_energy
+
     scene, last = simulation.scene, history[-1]
+    columns = {name: _column(history, name) for name in last if last[name] is not None}
     time_s, window = _column(history, "time_s"), smoothing_window(scene)
     onset, peaks, load, failure = None, signals.ForcePeaks(), signals.Puncture(), None
     if scene.material.damage and scene.material.fracture_energy is not None:
@@ -43,7 +46,7 @@ def summary(simulation: "Simulation", history: History, folder: RunFolder) -> di
         "second_peak_time_s": peaks.second_time,
         "failure_time_s": peaks.failure_time,
         "failure_time_velocity_s": failure,
-        "failure_time_energy_s": signals.energy_failure(time_s, _column(history, "strain_j")),
+        "failure_time_energy_s": failure_by_energy(scene, columns),
         "smoothing_window_s": window,
         "peak_load_n": load.peak_load,
         "peak_load_time_s": load.peak_time,

@@ -1,7 +1,8 @@
 """The cost of a scene compared with that of everything switched on: fields, bytes, kernels, time.
 
-Everything means all features of ``solver.fields``, a striker and rings that rub, and contact of
-pieces where the scene has it, on the scene's own lattice and in its precision. Both are measured in
+Everything means all features of ``solver.fields``, a striker and rings that rub, and what the scene
+has besides, on the scene's own lattice and in its precision: further strikers, supports, a floor,
+loads, probes, a start, notches and contact of pieces. Both are measured in
 turn in processes of their own, and medians are taken.
 ``python -m taichi_ldem.scenarios.leave_out SCENE.toml`` prints one cost as JSON.
 """
@@ -18,7 +19,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_ldem.scene import FILES, Scene, load_scene, parse_scene, scene_to_toml
-from taichi_ldem.solver.contact import FRAGMENTS
+from taichi_ldem.scene.loads import OF_NODES
+from taichi_ldem.solver.contact.grips import GRIPS
 from taichi_ldem.solver.fields import tables_of_all_features
 
 if TYPE_CHECKING:
@@ -41,6 +43,10 @@ class Cost:
     ms: float | None = None
 
 
+KEPT = ("supports", "floor", "contact", "load", "start", "probe", "notch")
+"""Tables that everything has where the scene has them."""
+
+
 def everything(scene: Scene) -> Scene:
     """The scene's plate and precision with every feature that a plate can have."""
     data = scene.model_dump(by_alias=True, exclude_none=True)
@@ -56,7 +62,7 @@ def everything(scene: Scene) -> Scene:
         "scenario": "impact",
         "plate": plate,
         "material": {"fracture_energy": 1034.0} | material,
-        "striker": {"diameter": 0.2 * width, "mass": 1.0, "velocity": 1.0, "friction": 0.1},
+        "striker": _strikers(scene, 0.2 * width),
         "clamp": {
             "kind": "rings",
             "inner_diameter": 0.6 * width,
@@ -66,25 +72,51 @@ def everything(scene: Scene) -> Scene:
         "solver": data["solver"],
         "output": data["output"],
     }
-    if FRAGMENTS.table(scene) is not None:
-        tables["contact"] = data["contact"]
+    kept = {name: data[name] for name in KEPT if data.get(name)}
+    for body in {"supports", "floor"} & {*kept}:
+        kept[body] = kept[body] | {"friction": 0.1}
+    tables |= kept
     for feature in tables_of_all_features(scene):
         for name, table in feature.items():
             tables[name] = table if isinstance(table, list) else tables.get(name, {}) | table
+    if scene.notch:  # in place of the one that switches the feature on
+        tables["notch"] = kept["notch"]
     return parse_scene(tables)
 
 
-KERNELS_OF_EVERYTHING = 8
-"""Number of ``kernels`` that a scene of ``everything`` compiles, without contact of pieces."""
+def _strikers(scene: Scene, diameter: float) -> list[dict[str, Any]]:
+    """One striker that rubs, or as many as the scene has, all of one diameter (m)."""
+    found = []
+    for striker in scene.strikers or (None,):
+        own = {} if striker is None else striker.model_dump(by_alias=True, exclude_none=True)
+        kept = {name: own[name] for name in ("guided", "velocity") if name in own}
+        found.append({"velocity": 1.0, "mass": 1.0, "friction": 0.1} | kept)
+        found[-1]["diameter"] = diameter
+    return found
 
-KERNELS_OF_PIECES = 2
-"""Number of ``kernels`` that contact of pieces adds."""
+
+KERNELS_OF_EVERYTHING = (
+    "step",
+    "energies",
+    "contact: striker",
+    "nodes near: striker",
+    "contact: rings",
+    "nodes near: rings",
+    "broken bars",
+    "damage before the step",
+)
+"""The ``kernels`` of a scene of ``everything`` that has nothing besides."""
 
 
-def kernels_of_everything(scene: Scene) -> int:
-    """Number of ``kernels`` that the scene compiles with everything switched on."""
-    touch = FRAGMENTS.table(scene) is not None
-    return KERNELS_OF_EVERYTHING + KERNELS_OF_PIECES * touch
+def kernels_of_everything(simulation: "Simulation") -> int:
+    """Number of ``kernels`` that the scene compiles with everything switched on.
+
+    Everything has no grips, because it has rings instead.
+    """
+    grips = simulation.scene.grips is not None
+    without = {"gauge", *(f"{kind}: {GRIPS.name}" for kind in ("contact", "nodes near"))}
+    own = {name for name in kernels(simulation) if not (grips and name in without)}
+    return len(own | {*KERNELS_OF_EVERYTHING})
 
 
 def kernels(simulation: "Simulation") -> list[str]:
@@ -95,8 +127,13 @@ def kernels(simulation: "Simulation") -> list[str]:
         found += simulation.fragments.kernel_names()
     if simulation.dynamics.features.damage:
         found.append("broken bars")
-    if simulation.scene.probes:
-        found.append("probes")
+    recorded = {quantity for probe in simulation.scene.probes for quantity in probe.quantities}
+    if not recorded.isdisjoint(OF_NODES):
+        found.append("motions of probes")
+    if recorded - {*OF_NODES}:
+        found.append("strains of probes")
+    if "stress" in recorded:
+        found.append("stresses of probes")
     features = simulation.dynamics.features
     if (features.crack or features.weakening) and simulation.dynamics.in_strips:
         found.append("damage before the step")

@@ -24,9 +24,8 @@ def loads_in_words(simulation: "Simulation") -> dict[str, str]:
         rows[f"load {load.name}"] = f"{text}, {load.course}"
     if scene.start is not None:
         rows["at the start"] = ", ".join(name for name, value in scene.start if value is not None)
-    if scene.probes:
-        which = simulation.sampler.probes.found.which
-        for n, probe in enumerate(scene.probes):
-            count = int(np.count_nonzero(which == n))
-            rows[f"probe {probe.name}"] = "1 node" if count == 1 else f"{count} nodes"
+    for n, probe in enumerate(scene.probes):
+        counts = zip(simulation.sampler.probes.counts(n), ("node", "module"), strict=True)
+        parts = [f"{count} {kind}{'s' if count > 1 else ''}" for count, kind in counts if count]
+        rows[f"probe {probe.name}"] = f"{', '.join(probe.quantities)} of {' and '.join(parts)}"
     return rows

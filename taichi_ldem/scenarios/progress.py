@@ -2,7 +2,7 @@
 
 import contextlib
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -53,10 +53,10 @@ def announce(
 @contextlib.contextmanager
 def progress(console: Console, simulation: "Simulation") -> Iterator["Callable[[Sample], None]"]:
     """A function that shows a sample: in a bar on a terminal, in plain lines elsewhere."""
-    forces = [body.force for body in bodies_of(simulation.scene) if body.force is not None]
+    columns = {b.name: b.force for b in bodies_of(simulation.scene) if b.force is not None}
 
     def state(sample: "Sample") -> str:
-        return _state(sample, sample.observed[forces[-1]] if forces else None)
+        return _state(sample, {name: sample.observed[column] for name, column in columns.items()})
 
     if console.is_terminal and not console.quiet:
         with Progress(
@@ -81,12 +81,27 @@ def progress(console: Console, simulation: "Simulation") -> Iterator["Callable[[
     yield show
 
 
-def _state(sample: "Sample", force: float | None) -> str:
+def _state(sample: "Sample", forces: Mapping[str, float]) -> str:
     """Time, step, force, broken bars and energy error of a sample."""
-    shown = "" if force is None else f"  F {newtons(force)} N"
     return (
-        f"t {1e3 * sample.time:8.4f} ms  step {sample.step:7d}{shown}  "
+        f"t {1e3 * sample.time:8.4f} ms  step {sample.step:7d}{in_words(forces)}  "
         f"broken {sample.broken_bars:7d}  energy error {sample.energy_error:.1e}"
+    )
+
+
+def in_words(forces: Mapping[str, float]) -> str:
+    """The forces of a sample: each with the name of its body, where there are several.
+
+    More than two strikers have their sum, because the line would be too long.
+    """
+    strikers = [name for name in forces if name.startswith("striker")]
+    shown = dict(forces)
+    if len(strikers) > 2:
+        total = sum(shown.pop(name) for name in strikers)
+        shown = {f"{len(strikers)} strikers": total} | shown
+    return "".join(
+        f"  F {f'{name} ' if len(forces) > 1 else ''}{newtons(force)} N"
+        for name, force in shown.items()
     )
 
 

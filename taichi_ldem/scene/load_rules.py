@@ -183,6 +183,8 @@ def check_probes(scene: Scene) -> None:
             if region == "plane":
                 raise ValueError(f"missing key '{key}.position' ({key}.plane is given)")
             raise refuse(f"{key}.position", probe.position, f"is for {key}.plane only")
+        if len({*probe.quantities}) < len(probe.quantities):
+            raise refuse(f"{key}.quantities", list(probe.quantities), "names one of them twice")
     _refuse_far(scene)
 
 

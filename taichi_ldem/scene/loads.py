@@ -177,11 +177,25 @@ class Start(Table):
     )
 
 
-class Probe(Table):
-    """Nodes whose mean displacement and velocity are columns of history.csv.
+QUANTITIES = {
+    "displacement": [f"displacement_{axis}_m" for axis in "xyz"],
+    "velocity": [f"velocity_{axis}_m_s" for axis in "xyz"],
+    "strain": [f"strain_{pair}" for pair in ("xx", "yy", "zz", "xy", "yz", "xz")],
+    "stress": [f"stress_{pair}_pa" for pair in ("xx", "yy", "zz", "xy", "yz", "xz")],
+}
+"""What a probe may record, and its columns after the probe's name."""
 
-    Exactly one of `point`, `box` and `plane` says which nodes, at rest. Means are weighted with the
-    masses of the nodes.
+Recorded = Literal["displacement", "velocity", "strain", "stress"]
+OF_NODES: tuple[Recorded, ...] = ("displacement", "velocity")
+"""Quantities that are means over nodes; the others are means over modules."""
+
+
+class Probe(Table):
+    """Nodes and modules whose mean motion, strain and stress are columns of history.csv.
+
+    Exactly one of `point`, `box` and `plane` says which nodes, at rest; the modules are those whose
+    centres are chosen in the same way. Means over nodes are weighted with their masses, means over
+    modules with their volumes.
     """
 
     name: str | None = Field(
@@ -200,12 +214,23 @@ class Probe(Table):
         description="all nodes within half a module of the plane normal to this axis at `position`",
     )
     position: Real | None = Field(default=None, description="position of the plane, m")
+    quantities: tuple[Recorded, ...] = Field(
+        default=OF_NODES,
+        min_length=1,
+        description="what is recorded: 'displacement' and 'velocity' of the nodes, 'strain' (Green"
+        " and Lagrange) and 'stress' (Cauchy) of the modules",
+    )
+
+    def columns_of(self, *quantities: str) -> list[str]:
+        """Names of the columns of some quantities, those that it records."""
+        return [
+            f"{self.name}_{ending}"
+            for quantity in quantities
+            if quantity in self.quantities
+            for ending in QUANTITIES[quantity]
+        ]
 
     @property
     def columns(self) -> list[str]:
-        """Names of its columns of the history: displacement, then velocity."""
-        return [
-            f"{self.name}_{what}_{axis}_{unit}"
-            for what, unit in (("displacement", "m"), ("velocity", "m_s"))
-            for axis in "xyz"
-        ]
+        """Names of its columns of the history, in the order of ``QUANTITIES``."""
+        return self.columns_of(*QUANTITIES)

@@ -1,18 +1,21 @@
-"""Probes: mean displacements and velocities of some nodes, read at samples only."""
+"""Probes: mean motions of some nodes, and mean strains and stresses of modules, at samples only."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 import taichi as ti
 
-from taichi_ldem.errors import SceneError
-from taichi_ldem.model import regions
 from taichi_ldem.model.lattice import Lattice
 from taichi_ldem.scene import Probe, Scene
-from taichi_ldem.scene.values import show
+from taichi_ldem.scene.loads import OF_NODES
 from taichi_ldem.solver.dynamics import Dynamics, field_apart
+from taichi_ldem.solver.probe_regions import region_of
+
+if TYPE_CHECKING:
+    from taichi_ldem.solver.module_probes import ProbeModules
 
 Floats = npt.NDArray[np.float64]
 
@@ -32,7 +35,7 @@ class ProbeNodes:
 
     @classmethod
     def of(cls, lattice: Lattice, masses: Floats, probes: Sequence[Probe]) -> "ProbeNodes":
-        """The nodes of a scene's probes.
+        """The nodes of a scene's probes that record a motion.
 
         Args:
             masses: (sublattices, *S) of the nodes, kg.
@@ -40,9 +43,11 @@ class ProbeNodes:
         Raises:
             SceneError: a probe without a node.
         """
-        nodes, which, weights = [], [], []
+        nodes, which, weights = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0)]
         for n, probe in enumerate(probes):
-            mass = np.where(_region(lattice, probe, n), masses, 0.0).ravel()
+            if {*probe.quantities}.isdisjoint(OF_NODES):
+                continue
+            mass = np.where(region_of(lattice, probe, n, "node"), masses, 0.0).ravel()
             own = np.flatnonzero(mass)
             nodes.append(own)
             which.append(np.full(len(own), n))
@@ -54,57 +59,31 @@ class ProbeNodes:
         )
 
 
-def _region(lattice: Lattice, probe: Probe, number: int) -> regions.Chosen:
-    """The nodes of a probe.
-
-    Raises:
-        SceneError: there are none.
-    """
-    if probe.point is not None:
-        return regions.nearest(lattice, probe.point)
-    if probe.box is not None:
-        key, value, region = "box", show(probe.box), regions.in_box(lattice, probe.box)
-    else:
-        assert probe.plane is not None
-        assert probe.position is not None
-        region = regions.near_plane(lattice, probe.plane, probe.position)
-        key, value = "position", show(probe.position)
-    if not region.any():
-        raise SceneError(f"probe[{number}].{key} = {value}: holds no node of the plate")
-    return region
-
-
 @ti.data_oriented
-class Probes:
-    """The probes of a scene.
+class Motions:
+    """Mean displacements and velocities of the nodes of probes.
 
     Attributes:
         nodes: (n,) i32 numbers of the nodes.
-        before: mean velocities half a step before a sample, m/s.
+        before: (probes, 3) mean velocities half a step before a sample, m/s.
     """
 
-    def __init__(self, dynamics: Dynamics, scene: Scene):
+    def __init__(self, dynamics: Dynamics, found: ProbeNodes):
         self.dynamics = dynamics
-        found = ProbeNodes.of(dynamics.lattice, dynamics.masses(), scene.probes)
         self.nodes = field_apart(ti.i32, len(found.nodes))
-        self._take(found, scene)
+        self.take(found)
 
-    def place(self, scene: Scene) -> None:
-        """Choose the nodes of another scene.
+    def take(self, found: ProbeNodes) -> None:
+        """Choose the nodes.
 
         Raises:
             ValueError: they need other fields.
         """
-        found = ProbeNodes.of(self.dynamics.lattice, self.dynamics.masses(), scene.probes)
         if len(found.nodes) != self.nodes.shape[0]:
             raise ValueError(f"probes: need {len(found.nodes)} nodes, not {self.nodes.shape[0]}")
-        self._take(found, scene)
-
-    def _take(self, found: ProbeNodes, scene: Scene) -> None:
         self.found = found
-        self.columns = [column for probe in scene.probes for column in probe.columns]
         self.nodes.from_numpy(found.nodes)
-        self.before = np.zeros((len(scene.probes), 3))
+        self.before = np.zeros((1 + found.which.max(), 3))
 
     @ti.kernel
     def _gather(self, now: int, values: ti.types.ndarray()):
@@ -132,12 +111,79 @@ class Probes:
         """Keep the velocities before a measured step."""
         self.before = self._means(now)[:, 3:]
 
+    def means(self, now: int) -> Floats:
+        """(probes, 6) mean displacements and velocities at a sample."""
+        means = self._means(now)
+        means[:, 3:] = 0.5 * (self.before + means[:, 3:])
+        return means
+
+
+class Probes:
+    """The probes of a scene.
+
+    Attributes:
+        motions: of the nodes; None where no probe records a motion.
+        modules: of the probes that record strain or stress, by the number of the probe.
+        parts: readings of these modules; None where no probe has needed them.
+    """
+
+    def __init__(self, dynamics: Dynamics, scene: Scene):
+        self.dynamics = dynamics
+        self.parts: Any = None
+        found = self._nodes(scene)
+        self.motions = Motions(dynamics, found) if len(found.nodes) else None
+        self._take(scene)
+
+    def _nodes(self, scene: Scene) -> ProbeNodes:
+        return ProbeNodes.of(self.dynamics.lattice, self.dynamics.masses(), scene.probes)
+
+    def place(self, scene: Scene) -> None:
+        """Choose the nodes and the modules of another scene.
+
+        Raises:
+            ValueError: they need other fields.
+        """
+        found = self._nodes(scene)
+        if (len(found.nodes) > 0) != (self.motions is not None):
+            raise ValueError("probes: no motions can be added or taken away")
+        if self.motions is not None:
+            self.motions.take(found)
+        self._take(scene)
+
+    def _take(self, scene: Scene) -> None:
+        self.probes = scene.probes
+        self.modules: dict[int, ProbeModules] = {}
+        if any({*probe.quantities} - {*OF_NODES} for probe in scene.probes):
+            from taichi_ldem.solver.module_probes import PartReadings, modules_of
+
+            if self.parts is None:
+                self.parts = PartReadings(self.dynamics)
+            self.modules = modules_of(self.parts, scene.probes)
+
+    def counts(self, number: int) -> tuple[int, int]:
+        """Numbers of the nodes and of the modules of a probe."""
+        motions, modules = self.motions, self.modules.get(number)
+        nodes = 0 if motions is None else int(np.count_nonzero(motions.found.which == number))
+        return nodes, 0 if modules is None else len(modules.weights)
+
+    def record(self, now: int) -> None:
+        """Keep the velocities before a measured step."""
+        if self.motions is not None:
+            self.motions.record(now)
+
     def observed(self, now: int) -> dict[str, float]:
         """Values of all columns at the start of a measured step that has been taken.
 
         Args:
             now: buffer of the displacement at that time.
         """
-        means = self._means(now)
-        means[:, 3:] = 0.5 * (self.before + means[:, 3:])
-        return dict(zip(self.columns, means.ravel().tolist(), strict=True))
+        moved = np.zeros((0, 6)) if self.motions is None else self.motions.means(now)
+        found: dict[str, float] = {}
+        for n, probe in enumerate(self.probes):
+            means = {} if n not in self.modules else self.modules[n].means(now)
+            if not {*probe.quantities}.isdisjoint(OF_NODES):
+                means |= {"displacement": moved[n, :3], "velocity": moved[n, 3:]}
+            for quantity, values in means.items():
+                columns = probe.columns_of(quantity)
+                found |= dict(zip(columns, values.tolist(), strict=bool(columns)))
+        return found

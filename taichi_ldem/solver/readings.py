@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import taichi as ti
 
+from taichi_ldem.model.lattice import Part
 from taichi_ldem.solver.bars import TINY
 from taichi_ldem.solver.dynamics import Dynamics
 
@@ -43,16 +44,21 @@ class BarReadings:
         return ti.Vector([pull, whole, left])
 
     @ti.kernel
-    def _layer(self, k: int, now: int, spacing: float, values: ti.types.ndarray()):
-        for j, i in ti.ndrange(*[(1, n - 1) for n in ti.static(self.state.sites[1:])]):
-            m, lane = self.access.column_of(i)
-            at, step = ti.Struct(k=k, j=j, m=m), ti.Struct(now=now, spacing=spacing)
+    def _layer(
+        self, k: int, first_j: int, first_i: int, now: int, spacing: float,
+        values: ti.types.ndarray(),
+    ):  # fmt: skip
+        for j, i in ti.ndrange((1, values.shape[2] - 1), (1, values.shape[3] - 1)):
+            m, lane = self.access.column_of(first_i + i)
+            at, step = ti.Struct(k=k, j=first_j + j, m=m), ti.Struct(now=now, spacing=spacing)
             for bar in ti.static(range(self.state.cell.bars)):
                 found = self.read(bar, at, lane, step)
                 for n in ti.static(range(3)):
                     values[n, bar, j, i] = found[n]
 
-    def layers(self, now: int) -> Iterator[tuple[int, npt.NDArray[np.float64]]]:
+    def layers(
+        self, now: int, part: Part | None = None
+    ) -> Iterator[tuple[int, npt.NDArray[np.float64]]]:
         """Each layer k of sites, and (3, bars, ny + 3, nx + 3) values of the bars that start there.
 
         They are PULL, the axial force over current length; WHOLE, the stiffness of a whole bar; and
@@ -60,9 +66,11 @@ class BarReadings:
 
         Args:
             now: buffer of the displacement.
+            part: of the lattice, whose sites these are; None: the whole lattice.
         """
-        nz, ny, nx = self.state.sites
+        nz, ny, nx = self.state.sites if part is None else part.sites
+        first_k, first_j, first_i = (0, 0, 0) if part is None else part.first
         values = np.zeros((3, self.state.cell.bars, ny, nx))
         for k in range(1, nz - 1):
-            self._layer(k, now, self.state.lattice.spacing, values)
+            self._layer(first_k + k, first_j, first_i, now, self.state.lattice.spacing, values)
             yield k, values

@@ -31,6 +31,7 @@ rotation = [0.0, 0.0, 40.0]
 strain = [2e-4, 0.0, 0.0]
 [[probe]]
 point = [0.0, 0.0, 0.0]
+quantities = ["displacement", "velocity", "strain", "stress"]
 [[load]]
 face = "+x"
 traction = 2e7

@@ -24,8 +24,13 @@ TABLE = {"course": "table", "times": [1e-6, 3e-6, 4e-6, 9e-6], "factors": [0.5, 
 
 
 def bar(*loads: dict[str, Any], **tables: Any) -> Scene:
-    """A free elastic bar along x with two loads and two probes."""
-    probes = [{"plane": "x", "position": LENGTH / 2 * SPACING}, ALL]
+    """A free elastic bar along x with two loads and three probes."""
+    middle = {"plane": "x", "position": 0.0}
+    probes = [
+        {"plane": "x", "position": LENGTH / 2 * SPACING},
+        ALL,
+        middle | {"name": "middle", "quantities": ["velocity", "strain", "stress"]},
+    ]
     return block_scene(LENGTH, 2, 2, load=[*loads, NOTHING, NOTHING][:2], probe=probes, **tables)
 
 
@@ -84,6 +89,22 @@ def test_a_traction_step_sends_a_wave_of_this_stress(built: "Simulation") -> Non
     assert front == pytest.approx(SPEED * last.time, rel=0.1)
     work = last.ledger.external - samples[0].ledger.external
     assert work == pytest.approx(traction * SECTION * way, rel=0.01)
+
+
+def test_the_stress_of_a_travelling_pulse_is_rho_c_v(built: "Simulation") -> None:
+    """A smooth push from the left passes the middle before any of it comes back."""
+    push = {"face": "-x", "traction": 1e5, "direction": "x"}
+    pulse = push | {"course": "half-sine", "duration": 1e-5}
+    samples = sampled(built, bar(pulse), 130, 5)
+    assert SPEED * samples[-1].time < 1.5 * LENGTH * SPACING
+    stress, strain, speed = (
+        np.array([sample.observed[f"middle_{name}"] for sample in samples])
+        for name in ("stress_xx_pa", "strain_xx", "velocity_x_m_s")
+    )
+    wanted = -PMMA["density"] * SPEED * speed
+    assert np.abs(stress).max() == pytest.approx(1e5, rel=0.05)
+    np.testing.assert_allclose(stress, wanted, rtol=0, atol=0.03 * np.abs(wanted).max())
+    np.testing.assert_allclose(strain, stress / MODULUS, rtol=0, atol=0.03 * np.abs(strain).max())
 
 
 def test_a_prescribed_velocity_gives_its_momentum_and_its_work(built: "Simulation") -> None:

@@ -12,8 +12,8 @@ from taichi_ldem.errors import SceneError
 from taichi_ldem.model import material as mat
 from taichi_ldem.model.cell import CELLS
 from taichi_ldem.model.lattice import prism
-from taichi_ldem.scenarios.module_fields import ModuleFields
 from taichi_ldem.scene import Material, Scene
+from taichi_ldem.solver.module_fields import ModuleFields
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation
@@ -309,7 +309,7 @@ def test_a_module_loses_its_volume_with_its_weakest_bar(simulation: "Simulation"
     assert with_volumes[1] == pytest.approx(bars[1], rel=1e-12)
     assert loss.sum() < with_volumes[1]
     # the stress that a run stores is that of the same shares, of either sign of lambda - mu
-    stored = ModuleFields(simulation, ["strain"], np.zeros((0, 3)), np.zeros((0, 8), dtype=int))
+    stored = ModuleFields(dynamics, ["strain"], np.zeros((0, 3)), np.zeros((0, 8), dtype=int))
     rows = [values[lattice.mask] for values in (grown, damage)]
     left = stored.moduli_left(rows[0]) * lattice.spacing**3
     np.testing.assert_allclose(left, modulus * share(rows[1], rows[0]), rtol=1e-12)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taichi_ldem.gallery.drawing import draw_broken
 from taichi_ldem.gallery.problem import Finding, Problem, Run, Runs, between, near
 from taichi_ldem.storage.fields import read_broken_bars
 
@@ -67,12 +68,10 @@ def _draw(figure: Figure, runs: Runs) -> None:
     grid = figure.subplots(1, 1 + len(runs), squeeze=False)[0]
     for axes, (name, run) in zip(grid[1:], runs.items(), strict=True):
         grid[0].plot(run.time_ms, np.abs(run.history["upper_force_n"]), label=LABELS[name])
-        place = 1e3 * read_broken_bars(run.folder.fields_file).position_m
-        axes.plot(place[:, 0], place[:, 1], ".", markersize=2)
+        draw_broken(axes, run)
         turn = np.linspace(0, 2 * np.pi, 200)
         radius = 1e3 * run.scene.plate.size[1] / 2
         axes.plot(radius * np.cos(turn), radius * np.sin(turn), "0.6")
-        axes.set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
         axes.set_title(LABELS[name].replace(", ", ",\n"), fontsize=11)
     grid[0].set(xlabel="time [ms]", ylabel="force of a platen [N]")
     figure.legend(loc="outside lower center", ncols=2, fontsize=11)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taichi_ldem.gallery.drawing import draw_broken
 from taichi_ldem.gallery.problem import Finding, Problem, Run, Runs, between, near
 from taichi_ldem.gallery.readings import Array
 from taichi_ldem.storage.fields import read_broken_bars
@@ -84,12 +85,12 @@ def _judge(runs: Runs) -> list[Finding]:
 
 def _draw(figure: Figure, runs: Runs) -> None:
     force, path = figure.subplots(1, 2)
-    for name, run in runs.items():
-        force.plot(1e3 * run.history["striker_displacement_m"], _force(run), label=LABELS[name])
-        place = 1e3 * read_broken_bars(run.folder.fields_file).position_m
-        path.plot(place[:, 0], place[:, 2], ".", markersize=3)
+    for number, (name, run) in enumerate(runs.items()):
+        way, colour = 1e3 * run.history["striker_displacement_m"], f"C{number}"
+        force.plot(way, _force(run), color=colour, label=LABELS[name])
+        draw_broken(path, run, "xz", colour=colour)
     force.set(xlabel="way of the strikers [mm]", ylabel="force of both [N]")
-    path.set(xlabel="x [mm]", ylabel="z [mm]", xlim=(-30, 30), ylim=(0, 6))
+    path.set(xlim=(-30, 30), ylim=(0, 6), aspect="auto")
     figure.legend(loc="outside lower center", ncols=2, fontsize=11)
 
 

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taichi_ldem.gallery.drawing import draw_broken
 from taichi_ldem.gallery.problem import Finding, Problem, Run, Runs, between
 from taichi_ldem.gallery.readings import Advance, advance, speed_over_rayleigh
-from taichi_ldem.storage.fields import read_broken_bars
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -74,14 +74,12 @@ def _draw(figure: Figure, runs: Runs) -> None:
     for axes in grid.ravel()[len(runs) :]:
         axes.set_visible(False)
     for axes, (name, run) in zip(grid.ravel(), runs.items(), strict=False):
-        bars = read_broken_bars(run.folder.fields_file)
-        x, y = 1e3 * bars.position_m[:, 0], 1e3 * bars.position_m[:, 1]
-        points = axes.scatter(x, y, c=1e6 * bars.time_s, s=1.0, cmap="viridis")
+        points = draw_broken(axes, run, timed=True)
         axes.plot([-50, 0], [-25, -25], "k", linewidth=2)
         ray = np.array([0.0, 60.0])
         angle = np.radians(70.0)
         axes.plot(ray * np.cos(angle), -25 + ray * np.sin(angle), "k--", label="70 degrees")
-        axes.set(xlabel="x [mm]", xlim=(-50, 50), ylim=(-50, 50), aspect="equal")
+        axes.set(ylabel="", xlim=(-50, 50), ylim=(-50, 50))
         axes.set_title(LABELS[name], fontsize=11)
     for row in grid:
         row[0].set_ylabel("y [mm]")

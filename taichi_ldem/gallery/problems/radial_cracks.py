@@ -6,17 +6,33 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taichi_ldem.gallery.drawing import draw_broken
 from taichi_ldem.gallery.problem import Finding, Problem, Run, Runs, between
-from taichi_ldem.storage.fields import read_broken_bars
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from taichi_ldem.output.loaded import LoadedRun
+
 SPEEDS = (22.2, 40.0, 56.7, 90.0)
 """Speeds of the striker, m/s; the first and third are those of the photographs."""
 
-COUNTED = {22.2: 4, 56.7: 8}
+FAST = 56.7
+COUNTED = {22.2: 4, FAST: 8}
 """Cracks in these photographs."""
+
+_LAYERS = "plate.modules_through_thickness={}"
+_COARSE = _LAYERS.format(2)
+VARIED: dict[str, tuple[str, tuple[str, ...]]] = {
+    "coarse": ("0.5 mm", (_COARSE,)),
+    "wide": ("0.5 mm, a striker of 8 mm", (_COARSE, "striker.diameter=0.008")),
+    "strong": ("0.5 mm, strength of 106 MPa", (_COARSE, "material.failure_strain=0.0316")),
+    "rough": ("0.5 mm, friction of 0.3", (_COARSE, "striker.friction=0.3")),
+    "gone": ("0.5 mm, failed bars carry nothing", (_COARSE, 'material.after_failure="gone"')),
+    "bar": ("paper's method, 0.33 mm", (_LAYERS.format(3), 'material.fracture="bar"')),
+}
+"""Runs at 56.7 m/s with coarser modules, to find the reason of the miss: in words, and keys. All
+but the last differ from the first by one key."""
 
 SCATTER = 1
 """Cracks by which plates of one kind differ."""
@@ -36,18 +52,18 @@ def _counts(runs: Runs) -> dict[float, int]:
     }
 
 
+def _counted(run: LoadedRun, speed: float, label: str = "") -> Finding:
+    """The radial cracks of a run next to those of a photograph."""
+    count, text = COUNTED[speed], f"radial cracks at {speed:g} m/s"
+    found = int(run.number("radial_cracks") or 0)
+    return between(text, "", found, count - SCATTER, count + SCATTER, run=label)
+
+
 def _judge(runs: Runs) -> list[Finding]:
     counts = _counts(runs)
-    found = [
-        between(
-            f"radial cracks at {speed:g} m/s",
-            "",
-            counts[speed],
-            COUNTED[speed] - SCATTER,
-            COUNTED[speed] + SCATTER,
-        )
-        for speed in counts
-        if speed in COUNTED
+    found = [_counted(runs[_name(speed)], speed) for speed in counts if speed in COUNTED]
+    found += [
+        _counted(runs[name], FAST, words) for name, (words, _) in VARIED.items() if name in runs
     ]
     cracked = {speed: count for speed, count in counts.items() if count}
     if len(counts) > 2:
@@ -73,10 +89,9 @@ def _draw(figure: Figure, runs: Runs) -> None:
     axes.set_xticks([20, 30, 50, 100], ["20", "30", "50", "100"])
     axes.minorticks_off()
     for column, speed in enumerate(counts):
-        place = 1e3 * read_broken_bars(runs[_name(speed)].folder.fields_file).position_m
         panel = figure.add_subplot(grid[1, column])
-        panel.plot(place[:, 0], place[:, 1], ".", markersize=1)
-        panel.set(aspect="equal", xlim=(-40, 40), ylim=(-40, 40), xlabel="x [mm]")
+        draw_broken(panel, runs[_name(speed)])
+        panel.set(xlim=(-20, 20), ylim=(-20, 20), ylabel="")
         panel.set_title(f"{speed:g} m/s", fontsize=11)
 
 
@@ -92,23 +107,39 @@ PROBLEM = Problem(
         "doubles where the speed is four times as high. The mass of their bullets is not in the "
         "sources that were read; here it is that of a cylinder of 10 mm."
     ),
-    runs=tuple(
-        Run(
-            _name(speed),
-            "radial_cracks.toml",
-            (f"striker.velocity={speed!r}",),
-            ("plate.modules_through_thickness=2",) if speed == 56.7 else None,
-        )
-        for speed in SPEEDS
+    runs=(
+        *(
+            Run(
+                _name(speed),
+                "radial_cracks.toml",
+                (f"striker.velocity={speed!r}",),
+                (_COARSE,) if speed == FAST else None,
+            )
+            for speed in SPEEDS
+        ),
+        *(
+            Run(
+                name,
+                "radial_cracks.toml",
+                (f"striker.velocity={FAST!r}", *settings),
+                quick=None,
+            )
+            for name, (_, settings) in VARIED.items()
+        ),
     ),
     judge=_judge,
     draw=_draw,
     size=(10.0, 7.0),
     why=(
-        "**Above 50 m/s the striker punches a hole before the plate bends**, so fewer cracks start "
-        "and they stay short: at 90 m/s all damage is in the hole. The lattice's bars under the "
-        "nose fail where a real plate is pressed together. Sound bars near failed ones fail too "
-        "easily there, which is also what is wrong in [the falling-weight "
-        "test](impact.md#from-material-data-alone)."
+        "**The striker punches a hole before the plate bends**, so fewer cracks start, and they "
+        "stay short: at 90 m/s all damage is in the hole. What is varied at 56.7 m/s shows that it "
+        "is the pressing under the nose that is wrong. A striker of twice the width presses on "
+        "four times the area and makes seven cracks in place of three. With modules of 0.25 mm in "
+        "place of 0.5 mm there are five, and with a strength higher by 41 % four. Friction changes "
+        "nothing. Where failed bars do not carry pressure, the striker goes through at once and "
+        "no crack starts. Sound bars near failed ones fail too easily under pressure, which is "
+        "also what is wrong in [the falling-weight test](impact.md#from-material-data-alone). "
+        "By the paper's method modules of 0.5 mm are too coarse for bars to soften. Poisson's "
+        "ratio is 1/4 here, so that all models of the stiffness agree."
     ),
 )

@@ -40,7 +40,8 @@ def _has_loads(run: LoadedRun) -> bool:
 
 
 def _has_probes(run: LoadedRun) -> bool:
-    return bool(run.scene.probes)
+    shown = {"displacement", "strain", "stress"}
+    return any(shown & {*probe.quantities} for probe in run.scene.probes)
 
 
 def _has_section(run: LoadedRun) -> bool:
@@ -70,7 +71,9 @@ def _has_growth(run: LoadedRun) -> bool:
 FIGURES: dict[str, Figure] = {
     "force": Figure("Striker force", _has("striker_force_n"), panels=forces.force),
     "loads": Figure("Forces of the loads", _has_loads, panels=loads.loads),
-    "probes": Figure("Displacement of the probes", _has_probes, panels=probes.probes),
+    "probes": Figure(
+        "Displacement, strain and stress of the probes", _has_probes, (9.0, 7.8), probes.probes
+    ),
     "floor_force": Figure("Floor force", _has("floor_force_n"), panels=forces.floor_force),
     "force_displacement": Figure(
         "Force over displacement", _has("support_force_n"), panels=forces.force_displacement

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_ldem.model.flaws import rim, turned
 from taichi_ldem.model.lattice import dumbbell_half_width
 from taichi_ldem.model.outlines import hole_outline
 from taichi_ldem.output.loaded import LoadedRun, Series
@@ -17,6 +18,7 @@ from taichi_ldem.storage.fields import read_broken_bars, read_fields, read_times
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
 
 _MS, _MM = 1e3, 1e3
 
@@ -103,8 +105,8 @@ def _broken_share(
 
 
 def draw_outlines(axes: Axes, scene: Scene, *, legend: bool = True) -> None:
-    """Draw the specimen's edge and the clamp's inner circle, mm."""
-    from matplotlib.patches import Circle, Patch, Polygon, Rectangle
+    """Draw the specimen's edge, its holes and notches, and the clamp's inner circle, mm."""
+    from matplotlib.patches import Circle, Polygon, Rectangle
 
     plate, clamp = scene.plate, scene.clamp
     if plate.diameter is not None:
@@ -118,14 +120,30 @@ def draw_outlines(axes: Axes, scene: Scene, *, legend: bool = True) -> None:
     axes.add_patch(outline)
     for hole in scene.hole:
         corners = _MM * hole_outline(plate, hole)
-        axes.add_patch(Polygon(corners, fill=False, edgecolor="black", linewidth=1.5))
+        # white over the columns of bars at the hole's edge, which a map smears into it
+        axes.add_patch(Polygon(corners, facecolor="white", edgecolor="black", linewidth=1.5))
+    _draw_notches(axes, scene, outline)
     if clamp is not None and clamp.kind != "free" and clamp.inner_diameter is not None:
         angle = np.linspace(0.0, 2.0 * np.pi, 361)
         radius = _MM * clamp.inner_diameter / 2
         label = f"clamp, inner diameter {2 * radius:g} mm"
         axes.plot(radius * np.cos(angle), radius * np.sin(angle), ":", color="0.3", label=label)
-        if legend:
-            axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08), fontsize=12)
+    if legend and axes.get_legend_handles_labels()[1]:
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), fontsize=12)
+
+
+def _draw_notches(axes: Axes, scene: Scene, outline: Patch, upwards: int = 1) -> None:
+    """Draw the notches as they are seen along y or z, inside an outline.
+
+    Args:
+        upwards: axis of the picture: 1 for y, 2 for z.
+    """
+    for number, notch in enumerate(scene.notch):
+        places = turned(rim(notch), -math.radians(scene.plate.angle))[:, [0, upwards]]
+        closed = _MM * np.concatenate([places, places[:1]])
+        label = "" if number else ("notch" if len(scene.notch) == 1 else "notches")
+        (line,) = axes.plot(*closed.T, color="C1", linewidth=2.5, label=label or None)
+        line.set_clip_path(outline)
 
 
 def _outline(plate: Plate) -> Series:
@@ -149,7 +167,7 @@ def _draw_supports(axes: Axes, scene: Scene) -> None:
     assert supports is not None
     length, _, height = (_MM * side for side in scene.plate.actual_size)
     edge: dict[str, Any] = {"fill": False, "edgecolor": "black", "linewidth": 1.5}
-    axes.add_patch(Rectangle((-length / 2, 0.0), length, height, **edge))
+    outline = axes.add_patch(Rectangle((-length / 2, 0.0), length, height, **edge))
     body: dict[str, Any] = {"facecolor": "C0", "alpha": 0.3, "linewidth": 0}
     radius = _MM * supports.diameter / 2
     for side in (-1, 1):
@@ -160,10 +178,8 @@ def _draw_supports(axes: Axes, scene: Scene) -> None:
         place = _MM * striker.position[0], height + _MM * striker.gap + radius
         axes.add_patch(Circle(place, radius, **body))
         top = max(top, place[1] + radius)
-    for notch in scene.notch:
-        if notch.normal == "x":
-            z = np.clip(_MM * np.array(notch.bounds[1]), 0.0, height)
-            axes.plot([_MM * notch.place] * 2, z, color="C1", linewidth=2.5, label="notch")
-    axes.legend(loc="upper right", fontsize=12)
+    _draw_notches(axes, scene, outline, 2)
+    if scene.notch:
+        axes.legend(loc="upper right", fontsize=12)
     axes.set_xlim(-0.52 * length, 0.52 * length)
     axes.set_ylim(-1.05 * _MM * supports.diameter, top + 0.1 * height)

@@ -86,7 +86,11 @@ def draw_panels(figure: Figure, panels: Sequence[Panel]) -> None:
     for axes, panel in zip(grid.ravel(), panels, strict=True):
         _draw_panel(axes, panel)
     grid[-1][0].set_xlabel(panels[-1].x)
-    figure.legend(loc="outside lower center", ncols=2, fontsize=12)
+    entries: dict[str, Any] = {}  # a curve of one name in several panels has one entry
+    for axes in grid.ravel():
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            entries.setdefault(label, handle)
+    figure.legend([*entries.values()], [*entries], loc="outside lower center", ncols=2, fontsize=12)
 
 
 def _draw_panel(axes: Axes, panel: Panel) -> None:

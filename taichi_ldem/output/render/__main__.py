@@ -88,7 +88,7 @@ def _draw(
         fade = np.ptp(fields.points[:, 2]) / 4 if view.faces_its_cut else None
         images.append(panel_image(painter, surface, panel, middle, scale, bodies, fade))
         seen = panel.rotation, middle
-        lines.append((bodies.outlines(*seen), bodies.circles(*seen)))
+        lines.append((bodies.outlines(*seen), bodies.circles(*seen), bodies.labels(*seen)))
     figure = compose(view, images, lines, scale)
     caption = f"t = {1e3 * fields.time:.2f} ms    {view.title}    deformation to scale"
     figure.text(0.5, 0.972, caption, ha="center", va="center", fontsize=20)

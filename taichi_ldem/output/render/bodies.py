@@ -53,6 +53,15 @@ class Bodies:
             if len(drawing.faces) and not (above and drawing.below)
         ]
 
+    def labels(self, rotation: Floats, centre: Floats) -> list[tuple[str, Floats]]:
+        """The marks of solids that have one, and their places (2,) in a picture, m."""
+        found = []
+        for drawing in self.drawings:
+            if drawing.label:
+                outline = _outline(drawing.faces, rotation, centre)
+                found.append((drawing.label, (outline.min(axis=0) + outline.max(axis=0)) / 2))
+        return found
+
     def circles(self, rotation: Floats, centre: Floats) -> list[Floats]:
         """Lines (n, 2) of all circles in a picture, m; from the side, the places between them."""
         return [

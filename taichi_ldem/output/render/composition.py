@@ -22,21 +22,22 @@ FloatArray = NDArray[np.floating[Any]]
 def compose(
     view: View,
     images: Sequence[FloatArray],
-    lines: Sequence[tuple[list[FloatArray], list[FloatArray]]],
+    lines: Sequence[tuple[list[FloatArray], list[FloatArray], list[tuple[str, FloatArray]]]],
     scale: Scale,
 ) -> Figure:
     """One picture of the panels, with outlines, scale bars, axes and the colour key.
 
     Args:
         images: (rows, columns, 3) of each panel.
-        lines: of each panel, the outlines (n, 2) of solid bodies and the lines of circles, m.
+        lines: of each panel, the outlines (n, 2) of solid bodies, the lines of circles, and marks
+            with their places, m.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(SIZE_PX[0] / 100, SIZE_PX[1] / 100), dpi=100)
     FigureCanvasAgg(figure)
-    for panel, image, (solids, circles) in zip(view.panels, images, lines, strict=True):
+    for panel, image, (solids, circles, marks) in zip(view.panels, images, lines, strict=True):
         place = ((1 - WIDTH) / 2, panel.bottom, WIDTH, panel.height)
         axes = figure.add_axes(place, frameon=False, xticks=(), yticks=())
         half = panel.span / 2
@@ -46,6 +47,8 @@ def compose(
             axes.plot(*line.T, ":" if hidden else "-", color=tuple(BODY_RGB), linewidth=1.5)
         for line in circles:
             axes.plot(*line.T, "--", color="0.35", linewidth=1.5, dashes=(5, 4))
+        for mark, at in marks:
+            _draw_mark(axes, mark, at)
         _annotate(axes, panel)
     _colour_key(figure, scale)
     return figure
@@ -56,6 +59,20 @@ def _annotate(axes: Axes, panel: Panel) -> None:
     _draw_scale_bar(axes, panel)
     if panel.triad:
         _draw_triad(axes, panel)
+
+
+def _draw_mark(axes: Axes, mark: str, at: FloatArray) -> None:
+    box = {"boxstyle": "circle,pad=0.2", "facecolor": "white", "edgecolor": tuple(BODY_RGB)}
+    axes.text(
+        float(at[0]),
+        float(at[1]),
+        mark,
+        ha="center",
+        va="center",
+        fontsize=14,
+        bbox=box,
+        clip_on=True,
+    )
 
 
 def _draw_scale_bar(axes: Axes, panel: Panel) -> None:

@@ -24,6 +24,7 @@ class Drawing:
         faces: (F, 4, 3) of a solid, counter-clockwise from outside, m.
         radii: of circles around the plate's axis on both of its faces, m.
         thickness: of the plate, m.
+        label: a mark on the solid that tells it from others of its kind; empty: none.
         below: whether the solid lies under the plate, which hides it from above.
     """
 
@@ -31,6 +32,7 @@ class Drawing:
     faces: Floats = field(default_factory=no_faces)
     radii: tuple[float, ...] = ()
     thickness: float = 0.0
+    label: str = ""
     below: bool = False
 
 

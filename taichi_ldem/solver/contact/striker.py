@@ -34,7 +34,7 @@ class Striker(Body):
         self.words = f"striker {number + 1}" if number else "striker"
         self.absent = "" if number else "striker contact (no [striker])"
         self.felt = f"{name}_force_n"  # column of the force on it
-        self.force = None if number else self.felt  # progress shows that of the first
+        self.force = self.felt
         words, towards = self.words, "towards the plate"
         self.observables = (
             Observable(f"{name}_displacement_m", f"{words} displacement", "m", towards),
@@ -124,10 +124,10 @@ class Striker(Body):
         sampled = np.asarray(history[self.felt], dtype=float)
         force = smooth_force(times, sampled, smoothing_window(scene))
         size = abs(round(float(np.interp(time, times, force))))
-        return Drawing(
-            f"blue: the {self.words}, force on it {size:.0f} N",
-            striker_faces(table, width, tip) + np.array(sideways),
-        )
+        label = str(self.number + 1) if len(scene.strikers) > 1 else ""
+        words = f"striker {label}" if label else f"the {self.words}"
+        faces = striker_faces(table, width, tip) + np.array(sideways)
+        return Drawing(f"blue: {words}, force on it {size:.0f} N", faces, label=label)
 
 
 def striker_faces(striker: Table, width: float, tip: float) -> Floats:

@@ -140,11 +140,21 @@ def test_the_low_pass_begins_at_t1_and_keeps_lines() -> None:
 
 
 def test_failure_by_energy_is_the_largest_strain_energy_if_it_is_lost() -> None:
-    strain = np.where(TIME < 7e-3, 1e6 * TIME**2, 5.0)
-    assert energy_failure(TIME, strain) == pytest.approx(6.99e-3, abs=1e-9)
-    assert energy_failure(TIME, 1e6 * TIME**2) is None  # never lost
-    assert energy_failure(TIME, 0 * TIME) is None
-    assert energy_failure(TIME[:0], TIME[:0]) is None
+    strain, nothing = np.where(TIME < 7e-3, 1e6 * TIME**2, 5.0), 0 * TIME
+    assert energy_failure(TIME, strain, 1e-3, nothing) == pytest.approx(6.99e-3, abs=1e-9)
+    assert energy_failure(TIME, 1e6 * TIME**2, 1e-3, nothing) is None  # never lost
+    assert energy_failure(TIME, nothing, 1e-3, nothing) is None
+    assert energy_failure(TIME[:0], TIME[:0], 1e-3, TIME[:0]) is None
+
+
+def test_a_plate_that_springs_back_has_no_failure_by_energy() -> None:
+    strain, nothing = np.where(TIME < 7e-3, 1e6 * TIME**2, 5.0), 0 * TIME
+    assert energy_failure(TIME, strain, None, nothing) is None  # nothing is damaged
+    assert energy_failure(TIME, strain, 8e-3, nothing) is None  # damaged later
+    lost = strain[TIME < 7e-3][-1] - 5.0
+    for share, failed in ((0.4, True), (0.6, False)):
+        given_back = np.where(TIME < 7e-3, 3.0, 3.0 + share * lost)
+        assert (energy_failure(TIME, strain, 1e-3, given_back) is not None) == failed
 
 
 def test_failure_by_velocity_is_where_the_deceleration_ends() -> None:

@@ -6,6 +6,7 @@ from support.reference import Body
 
 from taichi_ldem.model import flaws
 from taichi_ldem.model.lattice import Lattice, prism
+from taichi_ldem.scene.specimen import Notch
 
 BLOCK = (5, 4, 4)
 
@@ -74,3 +75,18 @@ def test_mirrored_slanted_flaws_through_nodes_cut_mirrored_bars() -> None:
     assert len(found[0]) > 20
     for other in found[1:]:
         assert {tuple(place) for place in found[0]} == {tuple(place) for place in other}
+
+
+def test_the_rim_of_a_notch_is_its_edge_in_order() -> None:
+    corners = [(0.0, 1.0, 0.0), (0.0, 3.0, 0.0), (0.0, 3.0, 2.0), (0.0, 1.0, 2.0)]
+    points = (corners[0], corners[1], corners[3])
+    ends = {"from": (1.0, 0.0), "to": (3.0, 2.0)}
+    for form in ({"normal": "x", "position": 0.0, **ends}, {"points": points}):
+        found = flaws.rim(Notch.model_validate(form)).tolist()
+        assert sorted(found) == sorted(map(list, corners))
+        sides = np.linalg.norm(np.diff([*found, found[0]], axis=0), axis=1)
+        np.testing.assert_allclose(sides, 2.0)  # no diagonal
+    disc = Notch(centre=(1.0, 2.0, 3.0), diameter=4.0, direction=(1.0, -2.0, 2.0))
+    around = flaws.rim(disc) - (1.0, 2.0, 3.0)
+    np.testing.assert_allclose(np.linalg.norm(around, axis=1), 2.0)
+    np.testing.assert_allclose(around @ (1.0, -2.0, 2.0), 0.0, atol=1e-12)

@@ -45,3 +45,9 @@ def test_a_scene_without_loads_has_their_columns_neither() -> None:
         "tip_displacement_x_m", "tip_displacement_y_m", "tip_displacement_z_m",
         "tip_velocity_x_m_s", "tip_velocity_y_m_s", "tip_velocity_z_m_s",
     ]  # fmt: skip
+    probe = {"name": "tip", "point": [0, 0, 0], "quantities": ["stress", "strain"]}
+    stressed = columns(block_scene(6, 4, 2, probe=[probe]))
+    assert [name for name in stressed if name not in names] == [
+        *(f"tip_strain_{pair}" for pair in ("xx", "yy", "zz", "xy", "yz", "xz")),
+        *(f"tip_stress_{pair}_pa" for pair in ("xx", "yy", "zz", "xy", "yz", "xz")),
+    ]

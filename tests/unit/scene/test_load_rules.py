@@ -108,6 +108,12 @@ def test_tables_that_no_resolved_scene_could_hold_are_refused() -> None:
         ({"probe": [{"plane": "x"}]}, "missing key 'probe[0].position'"),
         ({"probe": [{"point": [0, 0, 0], "position": 1}]}, "is for probe[0].plane only"),
         ({"probe": [{"point": [5, 0, 0]}]}, "probe[0].point = [5.0, 0.0, 0.0]: must lie in the"),
+        ({"probe": [{"point": [0, 0, 0], "quantities": []}]}, "probe[0].quantities = []"),
+        (
+            {"probe": [{"point": [0, 0, 0], "quantities": ["stress", "stress"]}]},
+            'probe[0].quantities = ["stress", "stress"]: names one of them twice',
+        ),
+        ({"probe": [{"point": [0, 0, 0], "quantities": ["force"]}]}, "probe[0].quantities[0] = "),
         ({"probe": [{"plane": "z", "position": 9}]}, "probe[0].position = 9.0: must lie between"),
         ({"probe": [{"point": [0, 0, 0], "name": "load1"}]}, "is the name of load[0] already"),
     ],

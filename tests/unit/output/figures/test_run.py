@@ -218,6 +218,47 @@ def test_growth_marks_the_times(run, figures):
     assert np.all(np.diff(lower.lines[0].get_ydata()) >= 0)
 
 
+CUTS = """
+[[notch]]
+normal = "x"
+position = -0.01
+from = [-0.09, 0.0]
+to = [-0.03, 0.0032]
+[[notch]]
+centre = [0.0, 0.02, 0.0016]
+diameter = 0.008
+direction = [1.0, 1.0, 0.0]
+[[hole]]
+shape = "circle"
+centre = [0.02, 0.0]
+diameter = 0.01
+"""
+
+
+def test_notches_and_holes_are_drawn_on_the_maps_of_cracks(run, figures):
+    run.write_scene(run.scene_file.read_text() + CUTS)
+    plot_run(run)
+    for name, axes in (
+        ("crack_map.png", figures["crack_map.png"].axes[0]),
+        *(("cracks.png", axes) for axes in figures["cracks.png"].axes),
+    ):
+        first = next(line for line in axes.lines if line.get_label() == "notches")
+        assert "notches" in [text.get_text() for text in axes.get_legend().get_texts()], name
+        x, y = first.get_data()
+        assert set(x) == {-10.0}, name
+        assert (min(y), max(y)) == pytest.approx((-90.0, -30.0))
+        box = first.get_clip_box().get_points()  # the plate ends at -46.4 mm
+        lowest = axes.transData.inverted().transform(box)[:, 1].min()
+        assert lowest == pytest.approx(-46.4, abs=0.1)
+        disc = axes.lines[axes.lines.index(first) + 1]
+        x, y = disc.get_data()  # upright, so that it is a line of 8 mm from above
+        np.testing.assert_allclose(x + y, 20.0)
+        assert np.ptp(x) == pytest.approx(8 / np.sqrt(2), rel=1e-3)
+        hole = axes.patches[1]
+        np.testing.assert_allclose(np.hypot(*(hole.get_xy() - (20.0, 0.0)).T), 5.0)
+        assert hole.get_facecolor()[:3] == (1.0, 1.0, 1.0)
+
+
 def test_crack_map_shows_each_bar_at_its_place_seen_from_below(run, figures):
     points, hexahedra, _ = hexahedral_mesh(np.ones((2, 58, 58), dtype=bool), 1.6e-3, (0, 0, 0))
     writer = FieldWriter(run.fields_file, points, hexahedra)

@@ -48,6 +48,22 @@ def test_the_clamp_is_circles_from_above_and_places_from_the_side(cracked):
     np.testing.assert_allclose(np.linalg.norm(outline, axis=1), 6.35e-3, rtol=1e-9)
 
 
+def test_several_strikers_have_their_numbers_in_pictures(cracked) -> None:
+    scene = load_scene(cracked.scene_file)
+    one = scene.striker.model_copy(update={"position": (-5e-3, 1e-3)})
+    two = scene.striker.model_copy(update={"position": (7e-3, 0.0)})
+    zeros = np.zeros(2)
+    history = {"time_s": np.array([0.0, 1e-3])}
+    for name in ("striker", "striker2"):
+        history |= {f"{name}_displacement_m": zeros, f"{name}_force_n": zeros}
+    drawn = bodies_at(scene.model_copy(update={"strikers": (one, two)}), history, 0.0)
+    assert drawn.caption().startswith("blue: striker 1, force on it 0 N; striker 2, force on it")
+    above = drawn.labels(rotation_of(0.0, 90.0), np.zeros(3))
+    assert [label for label, _ in above] == ["1", "2"]
+    np.testing.assert_allclose([at for _, at in above], [[-5e-3, 1e-3], [7e-3, 0.0]], atol=1e-9)
+    assert bodies(cracked, 0.0).labels(rotation_of(0.0, 90.0), np.zeros(3)) == []
+
+
 def test_bodies_of_one_colour_stand_together_in_the_caption() -> None:
     found = Bodies((Drawing("blue: a"), Drawing("dashed: the clamp"), Drawing("blue: b")))
     assert found.caption() == "blue: a; b;  dashed: the clamp"
