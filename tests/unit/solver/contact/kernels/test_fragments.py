@@ -55,7 +55,7 @@ def hit(pieces: Pieces) -> SimpleNamespace:
 
 def _expected(pieces: Pieces, place: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, ...]:
     """(n, 3) normal impulses and those of friction, bar none, from the page's formulas."""
-    from taichi_ldem.solver.contact.kernels.fragments import STICK, STIFFER
+    from taichi_ldem.solver.contact.kernels.spheres import STICK, STIFFER
 
     s = pieces.simulation
     normal, friction = np.zeros_like(place), np.zeros_like(place)
@@ -319,6 +319,48 @@ def _bullet(pieces: Pieces) -> tuple[np.ndarray, int]:
     return velocity, node
 
 
+def _a_step_has_visited_what_it_pushed(pieces: Pieces) -> set[int]:
+    f = pieces.simulation.fragments
+    busy = f.busy.to_numpy()[: f.busy_size[0]]
+    assert len(set(busy.tolist())) == len(busy)
+    pushed = np.flatnonzero(np.abs(f.impulse.to_numpy()[: f.size]).max(axis=1))
+    assert set(pushed.tolist()) <= set(busy.tolist())
+    return set(busy.tolist())
+
+
+def test_a_step_visits_only_nodes_with_partners(pieces: Pieces) -> None:
+    """Without dust; the others are looked at only for how far they have moved."""
+    f = pieces.simulation.fragments
+    pieces.throw()
+    for _ in range(100):
+        pieces.simulation.advance(1)
+        busy = _a_step_has_visited_what_it_pushed(pieces)
+        ends = f.pair_ends.to_numpy()[: f.size]
+        assert busy == set(np.flatnonzero(np.diff(ends, prepend=0)).tolist())
+    assert 0 < len(busy) < f.size
+
+
+def test_a_list_lasts_until_a_node_without_partners_has_moved(pieces: Pieces) -> None:
+    from taichi_ldem.solver.contact.kernels.pairs import LONGEST, SKIN
+
+    s = pieces.simulation
+    pieces.throw((0.0, 0.0, 0.0), (5e-3, 0.0, 0.0))  # too far apart for partners
+    s.advance(1)
+    f = s.fragments
+    f.renew(s.step_number)
+    s.advance(1)
+    assert f.next_listing == s.step_number - 1 + LONGEST
+    assert f.busy_size[0] == 0
+    # as fast as a node may be that is no dust
+    way = 0.5 * SKIN * float(f.numbers[0]) / 16 / s.time_step
+    s.dynamics.set_velocity(pieces.spread(np.full_like(pieces.places, way * 0.99 * 3**-0.5)))
+    steps = 0
+    while f.next_listing > s.step_number:
+        s.advance(1)
+        steps += 1
+    assert 12 <= steps <= 16
+
+
 def test_dust_hits_like_any_other_node(pieces: Pieces, monkeypatch: pytest.MonkeyPatch) -> None:
     from taichi_ldem.solver.contact.kernels import pairs
 
@@ -331,6 +373,7 @@ def test_dust_hits_like_any_other_node(pieces: Pieces, monkeypatch: pytest.Monke
             s.advance(1)
             count, due = count + (s.fragments.next_listing != due), s.fragments.next_listing
             assert s.fragments.dust_size <= (fewest > 1)
+            _a_step_has_visited_what_it_pushed(pieces)
         ends.append(pieces.positions)
         listings.append(count)
         np.testing.assert_allclose(pieces.momentum(), start, atol=1e-12 * np.abs(start).max())
@@ -372,7 +415,7 @@ def _highest(body: Body, pairs: np.ndarray, stiffness: np.ndarray, place: np.nda
 
 def test_contact_hardly_raises_the_highest_frequency() -> None:
     """A block on another one whose nodes lie in its hollows: four contacts each, no bar is lost."""
-    from taichi_ldem.solver.contact.kernels.fragments import STIFFER
+    from taichi_ldem.solver.contact.kernels.spheres import STIFFER
 
     body = Body(prism(5, 5, 4))
     bars = body.weights * np.where(body.diagonal, 1.5, 1.0)
