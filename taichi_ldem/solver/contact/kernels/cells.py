@@ -67,18 +67,25 @@ class NodesInCells(NearbyNodes):
         return cell
 
     @ti.func
+    def wrapped(self, along, axis: ti.template()):
+        """Number of a cell along an axis, of one that lies at most one beyond the ends."""
+        count = ti.static(self.dims[axis])
+        if along < 0:
+            along += count
+        elif along >= count:
+            along -= count
+        return along
+
+    @ti.func
+    def column(self, x, y):
+        """Number of the lowest of the cells above each other at x and y."""
+        row = self.wrapped(x, 0) * ti.static(self.dims[1]) + self.wrapped(y, 1)
+        return row * ti.static(self.dims[2])
+
+    @ti.func
     def beside(self, cell, z, y, x):
         """Number of the cell that lies (z, y, x) cells from another, which are -1 to 1."""
-        offset, index = ti.Vector([x, y, z]), 0
-        for axis in ti.static(range(3)):
-            count = ti.static(self.dims[axis])
-            along = cell[axis] + offset[axis]
-            if along < 0:
-                along += count
-            elif along >= count:
-                along -= count
-            index = index * count + along
-        return index
+        return self.column(cell[0] + x, cell[1] + y) + self.wrapped(cell[2] + z, 2)
 
     @ti.func
     def cells_within(self, place, radius):

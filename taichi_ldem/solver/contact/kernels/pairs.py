@@ -39,7 +39,7 @@ SKIN = 0.3
 LONGEST = 64
 """Most steps between two listings, so that bars that have failed meanwhile are soon known."""
 
-FEWEST = 16
+FEWEST = 48
 """Steps between two listings that a fast node would allow if it had partners in the list."""
 
 LATE = 0.45
@@ -324,12 +324,13 @@ class NearbyPairs(NodesInCells):
                 middle = self.cell_of(self.home[a])
                 # cells above each other follow each other, but for the ends of the grid
                 within = 0 < middle[2] < ti.static(self.dims[2] - 1)
-                for part in range(ti.select(within, 1, 3)):
-                    low, high = ti.select(within, -1, part - 1), ti.select(within, 1, part - 1)
-                    for y in range(-1, 2):
-                        for x in range(-1, 2):
-                            first = self.starts[self.beside(middle, low, y, x)]
-                            last = self.starts[self.beside(middle, high, y, x) + 1]
+                for x in range(middle[0] - 1, middle[0] + 2):
+                    for y in range(middle[1] - 1, middle[1] + 2):
+                        column = self.column(x, y)
+                        for part in range(ti.select(within, 1, 3)):
+                            low = self.wrapped(middle[2] + part - 1, 2)
+                            high = low + ti.select(within, 2, 0)
+                            first, last = self.starts[column + low], self.starts[column + high + 1]
                             found += self.partners(a, first, last, begin + found, write)
             if write != 0:
                 self.sort(self.pairs, begin, begin + found)
