@@ -124,12 +124,13 @@ def table(simulation: "Simulation", rounds: Sequence[Round]) -> str:
     """The numbers as Markdown."""
     pieces = simulation.fragments
     pairs = int(pieces.pair_ends[pieces.size - 1]) if pieces.size else 0
+    awake = int((pieces.seen.to_numpy()[: pieces.size] == pieces.stamp[0]).sum())
     middle = {name: median(getattr(r, name) for r in rounds) for name in vars(rounds[0])}
     more = median(r.touching / r.without - 1 for r in rounds)
     rows = (
         ("time", f"{1e3 * simulation.time:.3f} ms"),
         ("nodes listed", f"{pieces.size}"),
-        ("nodes that a step visits", f"{pieces.busy_size[0]}"),
+        ("awake in the last step", f"{awake}"),
         ("dust among them", f"{pieces.dust_size}"),
         ("entries of pairs", f"{pairs}"),
         ("steps between two lists", f"{middle['lasts']:.1f}"),

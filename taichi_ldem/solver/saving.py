@@ -23,6 +23,7 @@ OF_ANY_LENGTH = (
     "loose",
     "shown",
     "joins",
+    "rest",
     "friction",
     "works",
     "impulses",

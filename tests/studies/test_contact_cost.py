@@ -3,6 +3,7 @@
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from support.paths import CONFIGS
 
@@ -29,10 +30,11 @@ def test_a_run_whose_pieces_may_lie_in_each_other_is_refused() -> None:
 def test_the_table_has_medians_of_rounds_taken_in_turn() -> None:
     """A round in which the machine was busy slows both simulations down, and not the ratio."""
     rounds = [contact_cost.Round(4.0 * n, 5.0 * n, 0.4, 0.3, 32.0) for n in (1, 10, 1.1)]
-    pieces = SimpleNamespace(size=3, busy_size=[2], dust_size=1, pair_ends=[1, 2, 4])
+    pieces = SimpleNamespace(size=3, dust_size=1, pair_ends=[1, 2, 4])
+    pieces.seen, pieces.stamp = SimpleNamespace(to_numpy=lambda: np.array([7, 6, 7, 7])), [7]
     text = contact_cost.table(SimpleNamespace(fragments=pieces, time=2e-3), rounds)  # type: ignore[arg-type]
     assert "| a step with contact | 5.50 ms (+25 %) |" in text
-    assert "| nodes that a step visits | 2 |" in text
+    assert "| awake in the last step | 2 |" in text
     assert "| entries of pairs | 4 |" in text
     assert "| steps between two lists | 32.0 |" in text
 

@@ -6,6 +6,10 @@ energy of the springs follows from the positions. Half of the work of friction l
 half after it, where the velocity is known when the next step starts: then it is booked, so the loss
 is that until t_n. The velocities that a step leaves include contact, but its sums of kinetic energy
 do not: they lack half of the impulse times the velocity before it.
+
+Most listed nodes touch nothing. Those that cannot touch anything in the next few steps, by their
+distance from their partners and by the speed of what is no dust, rest meanwhile: no step looks at
+them. A node that dust touches is awake in that step.
 """
 
 from collections.abc import Mapping
@@ -17,16 +21,22 @@ import numpy.typing as npt
 import taichi as ti
 
 from taichi_ldem.model.material import bars_of
-from taichi_ldem.solver.contact.kernels.cells import BLOCK, DISTANCE
+from taichi_ldem.solver.contact.kernels.cells import BLOCK, DISTANCE, FAST
 from taichi_ldem.solver.contact.kernels.nearby import vec3d
-from taichi_ldem.solver.contact.kernels.pairs import LATE, LATE_IF_IDLE, SKIN, distance_of_contact
+from taichi_ldem.solver.contact.kernels.pairs import (
+    LATE,
+    LONGEST,
+    QUICKER,
+    SKIN,
+    distance_of_contact,
+)
 from taichi_ldem.solver.contact.kernels.spheres import ENERGY, STIFFER, Effect, SoftSpheres
 from taichi_ldem.solver.dynamics import Dynamics, field_apart
 
 if TYPE_CHECKING:
     from taichi_ldem.scene import Scene
 
-OF_LISTED = ("friction", "home", "loose", "shown", "joins")
+OF_LISTED = ("friction", "home", "loose", "shown", "joins", "rest")
 """Fields of a checkpoint with a value for each listed node, apart from the ends of their pairs."""
 
 # the entries of ``works``
@@ -56,7 +66,8 @@ class Fragments(SoftSpheres):
         name: of the declaration.
         impulse, friction: on each listed node in the latest step, all and friction's, N s.
         moved: 1 if a listed node that is no dust has moved far since the listing.
-        struck: the latest ``stamp`` at which dust touched a listed node.
+        rest: steps in which a listed node need not be looked at.
+        seen, struck: the latest ``stamp`` at which a listed node was awake, or touched by dust.
         dust_in, dust_after: the first dust in a cell (where ``dusty_in`` is the latest ``stamp``, a
             count of steps), and the next in the same cell after each, in ascending order; -1 where
             there is none.
@@ -73,7 +84,8 @@ class Fragments(SoftSpheres):
         self.work_sums = field_apart(ti.f64, self.capacity // BLOCK + 1, 3)
         self.moved, self.stamp = field_apart(ti.i32, 1), field_apart(ti.i32, 1)
         self.dusty_in, self.dust_in = (field_apart(ti.i32, self.hot.shape[0]) for _ in range(2))
-        self.dust_after, self.struck = (field_apart(ti.i32, self.capacity) for _ in range(2))
+        self.dust_after = field_apart(ti.i32, self.capacity)
+        self.rest, self.seen, self.struck = (field_apart(ti.i32, self.capacity) for _ in range(3))
         self.reset(scene)
 
     # -- on the host -------------------------------------------------------------------------------
@@ -99,7 +111,6 @@ class Fragments(SoftSpheres):
         self.list_pairs(now, step, time_step)
         self.most = max(self.most, self.size)
         self._forget(self.size)
-        self._list_busy(self.size)
 
     def renew(self, step: int) -> None:
         """Forget the steps so far, before one that starts from another state."""
@@ -149,6 +160,7 @@ class Fragments(SoftSpheres):
         ends = self.pair_ends.to_numpy()[:size]
         return {
             "schedule": np.array(self.next_listing),
+            "fast": np.array(self.numbers[FAST]),
             "nodes": self.nodes.to_numpy()[:size],
             "ends": ends,
             "pairs": self.pairs.to_numpy()[: ends[-1] if size else 0],
@@ -181,12 +193,12 @@ class Fragments(SoftSpheres):
             padded[: len(saved[name])] = saved[name]
             field.from_numpy(padded)
         self.moved.fill(0)
+        self.numbers[FAST] = float(saved["fast"])
+        self._weigh(size)
+        self._sort_cells()
         padded = self.pair_ends.to_numpy()
         padded[:size] = ends
         self.pair_ends.from_numpy(padded)
-        self._weigh(size)
-        self._sort_cells()
-        self._list_busy(size)
 
     # -- in a step ---------------------------------------------------------------------------------
 
@@ -206,15 +218,9 @@ class Fragments(SoftSpheres):
         for a in range(size):
             self.impulse[a], self.friction[a] = vec3d(0.0, 0.0, 0.0), vec3d(0.0, 0.0, 0.0)
             self.works[a] = vec3d(0.0, 0.0, self.works[a][LOST])
+            self.rest[a] = 0
         for n in range(1):
             self.moved[n] = 0
-
-    @ti.func
-    def has_work(self, a):
-        """1 for a listed node that a step has to visit: with partners, dust, or struck by it."""
-        works, begin = self.works[a], self.first_pair(a)
-        found = self.loose[a] != 0 or self.pair_ends[a] > begin
-        return int(found or works[ELASTIC] != 0 or works[PLATE_BEFORE] != 0)
 
     @ti.kernel
     def _weigh(self, size: int):
@@ -232,12 +238,11 @@ class Fragments(SoftSpheres):
         """Compute the impulses of a step, and book its works."""
         for n in range(1):
             self.stamp[n] = self.stamp[n] + 1
-        for n in range(ti.min(self.busy_size[0], size)):
-            self.visit(self.busy[n], now, spacing)
-        for a in range(ti.select(now == 0, size, 0)):
-            if self.is_busy[a] == 0:
-                s, k, j, i = self.site_of(a)
-                self.look_whether_far(a, self.place(now, s, k, j, i, spacing), LATE_IF_IDLE)
+        for a in range(size):
+            if self.rest[a] > 0:
+                self.rest[a] = self.rest[a] - 1
+            else:
+                self.visit(a, now, spacing)
         ti.loop_config(serialize=True)
         for n in range(dust):
             # from the last one, so that each cell's are in ascending order
@@ -249,37 +254,40 @@ class Fragments(SoftSpheres):
             self.dusty_in[cell] = self.stamp[0]
         for n in range(dust):
             self.strike_around(self.dust[n], now, spacing)
-        for n in range(ti.min(self.busy_size[0], size)):
-            a = self.busy[n]
-            found = self.gathered(a, spacing, ti.cast(time_step, ti.f64))
-            push, drag = self.impulses(found)
-            velocity = ti.cast(self.before[a], ti.f64)
-            # the latest step's friction acted until the middle of this velocity, and this one's
-            # from there on
-            work = 0.5 * (self.friction[a] + drag).dot(velocity)
-            lost = self.works[a][LOST] - work
-            self.works[a] = vec3d(found[ENERGY], 0.5 * (push + drag).dot(velocity), lost)
-            self.impulse[a], self.friction[a] = push + drag, drag
+        for a in range(size):
+            if self.seen[a] == self.stamp[0]:
+                self.press_node(a, spacing, ti.cast(time_step, ti.f64))
+
+    @ti.func
+    def press_node(self, a, spacing, time_step):
+        """Compute the impulses of a node, and book its works; or let it rest."""
+        found, rest = self.gathered(a, spacing, time_step)
+        push, drag = self.impulses(found)
+        velocity = ti.cast(self.before[a], ti.f64)
+        # the latest step's friction acted until the middle of this velocity, and this one's from
+        # there on
+        work = 0.5 * (self.friction[a] + drag).dot(velocity)
+        lost = self.works[a][LOST] - work
+        self.works[a] = vec3d(found[ENERGY], 0.5 * (push + drag).dot(velocity), lost)
+        self.impulse[a], self.friction[a] = push + drag, drag
+        if found[ENERGY] == 0 and self.loose[a] == 0:
+            self.rest[a] = rest
 
     @ti.func
     def visit(self, a, now, spacing):
-        """Note where a busy node is and how fast, and whether it has moved far."""
+        """Note where a node is and how fast, and whether it has moved far."""
         s, k, j, i = self.site_of(a)
         place = self.place(now, s, k, j, i, spacing)
         self.position[a], self.before[a] = place, self.dynamics.node_velocity(s, k, j, i)
+        self.seen[a] = self.stamp[0]
         if self.loose[a] == 0:
-            self.look_whether_far(a, place, LATE)
-
-    @ti.func
-    def look_whether_far(self, a, place, share):
-        """Note if a listed node has covered a share of the skin since the listing."""
-        way, least = place - self.home[a], share * SKIN * self.numbers[DISTANCE]
-        if way.dot(way) > least * least:
-            self.moved[0] = 1
+            way, least = place - self.home[a], LATE * SKIN * self.numbers[DISTANCE]
+            if way.dot(way) > least * least:
+                self.moved[0] = 1
 
     @ti.func
     def strike_around(self, a, now, spacing):
-        """Mark the listed nodes that touch dust, and visit them from now on."""
+        """Mark the listed nodes that touch dust, and wake them."""
         place = self.position[a]
         cell = self.cell_of(place)
         least = self.numbers[DISTANCE] * self.numbers[DISTANCE]
@@ -311,18 +319,14 @@ class Fragments(SoftSpheres):
     def strike(self, b, now, spacing):
         """Mark a listed node that dust touches; all threads write the same."""
         self.struck[b] = self.stamp[0]
-        if self.is_busy[b] == 0:
-            # only one thread finds zero here; where in the list the node stands does not matter
-            if ti.atomic_or(self.is_busy[b], 1) == 0:
-                self.visit(b, now, spacing)
-                self.busy[ti.atomic_add(self.busy_size[0], 1)] = b
+        if self.rest[b] > 0 or self.seen[b] != self.stamp[0]:
+            self.visit(b, now, spacing)
+            self.rest[b] = 0
 
     @ti.func
     def gathered(self, a, spacing, time_step):
-        """The sum of what a node's contacts do to it."""
-        total = Effect(0.0)
-        for n in range(self.first_pair(a), self.pair_ends[a]):
-            total += self.contact(a, self.pairs[n], spacing, time_step)
+        """The sum of what a node's contacts do to it, and the steps that it may rest."""
+        total, rest = self.with_partners(a, spacing, time_step)
         if self.loose[a] != 0 or self.struck[a] == self.stamp[0]:
             place = self.position[a]
             cell = self.cell_of(place)
@@ -333,7 +337,32 @@ class Fragments(SoftSpheres):
                         total += self.with_dust(a, self.beside(cell, z, y, x), spacing, time_step)
             if self.loose[a] != 0:
                 total += self.with_listed(a, cell, spacing, time_step)
-        return total
+        return total, rest
+
+    @ti.func
+    def with_partners(self, a, spacing, time_step):
+        """The same for its partners."""
+        total, least = Effect(0.0), self.numbers[DISTANCE]
+        # the way of a node in a step, and what it may cover until it is looked at again
+        way = QUICKER * self.numbers[FAST] * time_step
+        rest = self.whole_steps((0.5 - LATE) * SKIN * least - way, way)
+        for n in range(self.first_pair(a), self.pair_ends[a]):
+            b = self.pairs[n]
+            if self.seen[b] == self.stamp[0]:
+                away = self.position[a] - self.position[b]
+                rest = ti.min(rest, self.whole_steps(away.norm() - least, 2 * way))
+                total += self.contact(a, b, spacing, time_step)
+            else:
+                rest = ti.min(rest, self.rest[b])
+        return total, rest
+
+    @ti.func
+    def whole_steps(self, distance, way):
+        """Number of ways that fit into a distance; 0 where they do not, or are not known."""
+        count = 0
+        if distance > way:
+            count = ti.cast(ti.min(distance / way, LONGEST), ti.i32)
+        return count
 
     @ti.func
     def with_dust(self, a, cell, spacing, time_step):
@@ -380,9 +409,10 @@ class Fragments(SoftSpheres):
     @ti.func
     def kick(self, now, time_step, damping, size):
         """Give the nodes that touch their impulses, after the passes of the step."""
-        for n in range(ti.min(self.busy_size[0], size)):
-            a = self.busy[n]
-            impulse = self.impulse[a]
+        for a in range(size):
+            impulse = vec3d(0.0, 0.0, 0.0)
+            if self.seen[a] == self.stamp[0]:
+                impulse = self.impulse[a]
             if impulse.dot(impulse) > 0:
                 s, k, j, i = self.site_of(a)
                 dt = ti.cast(time_step, ti.f64)

@@ -42,12 +42,13 @@ LONGEST = 64
 FEWEST = 48
 """Steps between two listings that a fast node would allow if it had partners in the list."""
 
-LATE = 0.45
-"""Share of the skin that a node may cover since the listing: less than a half, as the list is made
-anew at the next step only."""
+LATE = 0.4
+"""Share of the skin that a node may cover since the listing: less than a half, as nodes are looked
+at every few steps, and the list is made anew at the step after."""
 
-LATE_IF_IDLE = 0.4
-"""The same for nodes that no step visits: they are looked at in every second step only."""
+QUICKER = 1.2
+"""Speed that a node that is no dust may come to before it is looked at again, over that from which
+a node is dust when the list is made."""
 
 FARTHEST = 16
 """Most cells that dust may pass through between two listings."""
@@ -83,9 +84,6 @@ class NearbyPairs(NodesInCells):
         next_listing: step at which the list has to be made again.
         mass: of the listed nodes, kg.
         pairs: partners, as places in the list; those of node a end before ``pair_ends[a]``.
-        busy: places in the list of the nodes that a step visits, ``busy_size[0]`` of them: nodes
-            that have partners, dust, and what dust has struck since the listing. is_busy: 1 for
-            these nodes. rank: of a listed node among those of a kind, counted from 1.
         bare, marks: a bit for each column of a piece of a row: its node is bare, or listed.
         loose, shown: 1 for listed nodes that are dust, or bare. dust: places in the list of dust.
         joins: a bit for each bar of a listed node, as in ``UnitCell.scalars``, that pushes its ends
@@ -111,8 +109,6 @@ class NearbyPairs(NodesInCells):
         self.pairs = field_apart(ti.i32, most_pairs(self.capacity))
         self.bare = field_apart(ti.i32, self.marks.shape[0])
         self.surface = [field_apart(ti.u8, dynamics.shape) for _ in range(cell.sublattices)]
-        self.busy, self.is_busy, self.rank = (field_apart(ti.i32, self.capacity) for _ in range(3))
-        self.busy_size = field_apart(ti.i32, 1)
         self.fastest = field_apart(ti.f32, 2)
         self.homes = [sorted({home for _, home in bars}) for bars in cell.scalars]
 
@@ -165,7 +161,7 @@ class NearbyPairs(NodesInCells):
         """Sort the listed nodes into cells, and list the dust among them."""
         self._sort(self.size)
         self._list_dust(self.size)
-        self.dust_size = int(self.rank[self.size - 1]) if self.size else 0
+        self.dust_size = int(self.pair_ends[self.size - 1]) if self.size else 0
 
     def _steps(self, time_step: float) -> int:
         """Most steps until the list has to be made again."""
@@ -289,28 +285,13 @@ class NearbyPairs(NodesInCells):
 
     @ti.kernel
     def _list_dust(self, size: int):
-        """List the dust."""
+        """List the dust; ``pair_ends``, which is filled afterwards, holds its numbers."""
         for a in range(size):
-            self.rank[a] = self.loose[a]
-        self.scan(self.rank, size)
+            self.pair_ends[a] = self.loose[a]
+        self.scan(self.pair_ends, size)
         for a in range(size):
             if self.loose[a] != 0:
-                self.dust[self.rank[a] - 1] = a
-
-    @ti.kernel
-    def _list_busy(self, size: int):
-        """List the nodes that a step visits."""
-        for a in range(size):
-            self.is_busy[a] = self.has_work(a)
-            self.rank[a] = self.is_busy[a]
-        self.scan(self.rank, size)
-        for a in range(size):
-            if self.is_busy[a] != 0:
-                self.busy[self.rank[a] - 1] = a
-        for n in range(1):
-            self.busy_size[n] = 0
-            if size > 0:
-                self.busy_size[n] = self.rank[size - 1]
+                self.dust[self.pair_ends[a] - 1] = a
 
     @ti.kernel
     def _find_pairs(self, size: int, write: int):

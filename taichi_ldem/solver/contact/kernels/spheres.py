@@ -45,7 +45,7 @@ class SoftSpheres(NearbyPairs):
     """Listed nodes that touch.
 
     Attributes:
-        position, before: of the busy nodes before the step, m, and their velocities, m/s.
+        position, before: of the nodes awake before the step, m, and their velocities, m/s.
     """
 
     def __init__(self, dynamics: Dynamics):
