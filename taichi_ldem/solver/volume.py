@@ -139,17 +139,34 @@ class ModuleVolumes:
     def weaken(self, at: ti.template(), step: ti.template()):
         """Let the damage of a column's modules follow that of their bars before this step."""
         if self.is_near_damage(at):
-            grown, _ = self.swelling(at, step)
-            for lane in range(self.state.lanes.width):
-                if self.state.volume_modulus[at.k, at.j, at.m][lane] > 0:
-                    self.weaken_module(grown[lane], at, lane, step)
+            lanes = self.lanes_to_weaken(at)
+            if lanes != 0:
+                grown, _ = self.swelling(at, step)
+                for lane in range(self.state.lanes.width):
+                    if (lanes >> lane) & 1 != 0:
+                        self.weaken_module(grown[lane], at, lane, step)
+
+    @ti.func
+    def lanes_to_weaken(self, at: ti.template()):
+        """A bit for each lane of a column whose module may lose more, or drives a crack."""
+        lanes = 0
+        for lane in range(self.state.lanes.width):
+            # most modules near a crack have failed, and lose nothing any more
+            left = self.state.volume_damage[at.k, at.j, at.m][lane] < 1
+            if ti.static(self.state.features.crack):
+                left = True
+            if left and self.state.volume_modulus[at.k, at.j, at.m][lane] > 0:
+                lanes |= 1 << lane
+        return lanes
 
     @ti.func
     def weaken_module(self, grown, at: ti.template(), lane, step: ti.template()):
         """Raise a module's damage to that of its bars, and book the energy that this takes."""
         k, j, m = at.k, at.j, at.m
         before = self.state.volume_damage[k, j, m][lane]
-        after = ti.max(before, self.damage_of_bars(at, lane))
+        after = before
+        if before < 1:
+            after = ti.max(before, self.damage_of_bars(at, lane))
         share = self.share(grown, after, step)
         if after > before:
             lost = self.share(grown, before, step) - share
