@@ -126,25 +126,43 @@ class ModuleVolumes:
         return 1 - least
 
     @ti.func
-    def is_near_damage(self, at: ti.template()):
-        """Whether a bar of a column's modules may be damaged, or may be at a crack's tip."""
+    def damage_beside(self, k, j, m):
+        """Not 0 where a bar of a column, or of those above and behind, may be damaged.
+
+        The same where a bar may be at a crack's tip.
+        """
         found = 0
-        for dz, dy, dx in ti.static(CORNERS):
-            found |= int(self.state.touched[at.k + dz, at.j + dy, at.m + dx])
+        for dz, dy in ti.static(((0, 0), (0, 1), (1, 0), (1, 1))):
+            found |= int(self.state.touched[k + dz, j + dy, m])
             if ti.static(self.state.features.crack):
-                found |= int(self.state.near[at.k + dz, at.j + dy, at.m + dx])
-        return found != 0
+                found |= int(self.state.near[k + dz, j + dy, m])
+        return found
 
     @ti.func
     def weaken(self, at: ti.template(), step: ti.template()):
         """Let the damage of a column's modules follow that of their bars before this step."""
-        if self.is_near_damage(at):
-            lanes = self.lanes_to_weaken(at)
-            if lanes != 0:
-                grown, _ = self.swelling(at, step)
-                for lane in range(self.state.lanes.width):
-                    if (lanes >> lane) & 1 != 0:
-                        self.weaken_module(grown[lane], at, lane, step)
+        if self.damage_beside(at.k, at.j, at.m) | self.damage_beside(at.k, at.j, at.m + 1) != 0:
+            self.weaken_column(at, step)
+
+    @ti.func
+    def weaken_row(self, k, j, begin: ti.template(), end: ti.template(), step: ti.template()):
+        """``weaken`` for the columns of a row, each of whose sites is looked at once."""
+        before = self.damage_beside(k, j, begin)
+        for m in range(begin, end):
+            after = self.damage_beside(k, j, m + 1)
+            if before | after != 0:
+                self.weaken_column(ti.Struct(k=k, j=j, m=m), step)
+            before = after
+
+    @ti.func
+    def weaken_column(self, at: ti.template(), step: ti.template()):
+        """The same for a column next to which there is damage."""
+        lanes = self.lanes_to_weaken(at)
+        if lanes != 0:
+            grown, _ = self.swelling(at, step)
+            for lane in range(self.state.lanes.width):
+                if (lanes >> lane) & 1 != 0:
+                    self.weaken_module(grown[lane], at, lane, step)
 
     @ti.func
     def lanes_to_weaken(self, at: ti.template()):
