@@ -24,6 +24,7 @@ OF_ANY_LENGTH = (
     "loose",
     "shown",
     "joins",
+    "rest",
     "friction",
     "works",
     "impulses",

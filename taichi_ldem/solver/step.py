@@ -168,8 +168,12 @@ class Step:
         inner, strips = ti.static(self.state.sites[1] - 2, self.state.layout.strips)
         for j in range(1 + inner * strip // strips, 1 + inner * (strip + 1) // strips):
             for k in range(1, self.state.sites[0] - 1):
-                for m in range(begin, HALO + self.state.lanes.length):
-                    part(ti.Struct(k=k, j=j, m=m), step)
+                end = ti.static(HALO + self.state.lanes.length)
+                if ti.static(part == self.volumes.weaken):
+                    self.volumes.weaken_row(k, j, begin, end, step)
+                else:
+                    for m in range(begin, end):
+                        part(ti.Struct(k=k, j=j, m=m), step)
 
     @ti.kernel
     def _first(self, now: int, numbers: StepNumbers):

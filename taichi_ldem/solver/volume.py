@@ -126,30 +126,65 @@ class ModuleVolumes:
         return 1 - least
 
     @ti.func
-    def is_near_damage(self, at: ti.template()):
-        """Whether a bar of a column's modules may be damaged, or may be at a crack's tip."""
+    def damage_beside(self, k, j, m):
+        """Not 0 where a bar of a column, or of those above and behind, may be damaged.
+
+        The same where a bar may be at a crack's tip.
+        """
         found = 0
-        for dz, dy, dx in ti.static(CORNERS):
-            found |= int(self.state.touched[at.k + dz, at.j + dy, at.m + dx])
+        for dz, dy in ti.static(((0, 0), (0, 1), (1, 0), (1, 1))):
+            found |= int(self.state.touched[k + dz, j + dy, m])
             if ti.static(self.state.features.crack):
-                found |= int(self.state.near[at.k + dz, at.j + dy, at.m + dx])
-        return found != 0
+                found |= int(self.state.near[k + dz, j + dy, m])
+        return found
 
     @ti.func
     def weaken(self, at: ti.template(), step: ti.template()):
         """Let the damage of a column's modules follow that of their bars before this step."""
-        if self.is_near_damage(at):
+        if self.damage_beside(at.k, at.j, at.m) | self.damage_beside(at.k, at.j, at.m + 1) != 0:
+            self.weaken_column(at, step)
+
+    @ti.func
+    def weaken_row(self, k, j, begin: ti.template(), end: ti.template(), step: ti.template()):
+        """``weaken`` for the columns of a row, each of whose sites is looked at once."""
+        before = self.damage_beside(k, j, begin)
+        for m in range(begin, end):
+            after = self.damage_beside(k, j, m + 1)
+            if before | after != 0:
+                self.weaken_column(ti.Struct(k=k, j=j, m=m), step)
+            before = after
+
+    @ti.func
+    def weaken_column(self, at: ti.template(), step: ti.template()):
+        """The same for a column next to which there is damage."""
+        lanes = self.lanes_to_weaken(at)
+        if lanes != 0:
             grown, _ = self.swelling(at, step)
             for lane in range(self.state.lanes.width):
-                if self.state.volume_modulus[at.k, at.j, at.m][lane] > 0:
+                if (lanes >> lane) & 1 != 0:
                     self.weaken_module(grown[lane], at, lane, step)
+
+    @ti.func
+    def lanes_to_weaken(self, at: ti.template()):
+        """A bit for each lane of a column whose module may lose more, or drives a crack."""
+        lanes = 0
+        for lane in range(self.state.lanes.width):
+            # most modules near a crack have failed, and lose nothing any more
+            left = self.state.volume_damage[at.k, at.j, at.m][lane] < 1
+            if ti.static(self.state.features.crack):
+                left = True
+            if left and self.state.volume_modulus[at.k, at.j, at.m][lane] > 0:
+                lanes |= 1 << lane
+        return lanes
 
     @ti.func
     def weaken_module(self, grown, at: ti.template(), lane, step: ti.template()):
         """Raise a module's damage to that of its bars, and book the energy that this takes."""
         k, j, m = at.k, at.j, at.m
         before = self.state.volume_damage[k, j, m][lane]
-        after = ti.max(before, self.damage_of_bars(at, lane))
+        after = before
+        if before < 1:
+            after = ti.max(before, self.damage_of_bars(at, lane))
         share = self.share(grown, after, step)
         if after > before:
             lost = self.share(grown, before, step) - share

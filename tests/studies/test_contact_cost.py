@@ -3,6 +3,7 @@
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from support.paths import CONFIGS
 
@@ -12,22 +13,28 @@ from taichi_ldem.scene import load_scene
 
 
 def test_the_same_scene_runs_without_and_with_contact() -> None:
-    saved = load_scene(CONFIGS / "impact_quick.toml")
-    without, touching = contact_cost.scenes(saved, 0.2, ["solver.threads=1"])
-    assert (without.contact, without.solver.threads) == (None, 1)
-    assert touching.contact is not None
-    assert (touching.contact.fragments, touching.contact.friction) == (True, 0.2)
-    assert touching.changed("solver.threads=1").plate == without.plate
-    with pytest.raises(SceneError, match=r"has a table \[contact\]: take a run without it"):
-        contact_cost.scenes(touching, 0.2, [])
+    plain = load_scene(CONFIGS / "impact_quick.toml")
+    saved = plain.changed("contact.fragments=true", "contact.friction=0.2")
+    without, touching = contact_cost.scenes(saved, ["solver.threads=1"])
+    assert without == plain.changed("solver.threads=1")
+    assert touching == saved.changed("solver.threads=1")
+
+
+def test_a_run_whose_pieces_may_lie_in_each_other_is_refused() -> None:
+    """The cost was once measured from such a run: its pieces burst apart when they could touch."""
+    plain = load_scene(CONFIGS / "impact_quick.toml")
+    with pytest.raises(SceneError, match=r"no table \[contact\].*contact.fragments=true"):
+        contact_cost.scenes(plain, [])
 
 
 def test_the_table_has_medians_of_rounds_taken_in_turn() -> None:
     """A round in which the machine was busy slows both simulations down, and not the ratio."""
     rounds = [contact_cost.Round(4.0 * n, 5.0 * n, 0.4, 0.3, 32.0) for n in (1, 10, 1.1)]
     pieces = SimpleNamespace(size=3, dust_size=1, pair_ends=[1, 2, 4])
+    pieces.seen, pieces.stamp = SimpleNamespace(to_numpy=lambda: np.array([7, 6, 7, 7])), [7]
     text = contact_cost.table(SimpleNamespace(fragments=pieces, time=2e-3), rounds)  # type: ignore[arg-type]
     assert "| a step with contact | 5.50 ms (+25 %) |" in text
+    assert "| awake in the last step | 2 |" in text
     assert "| entries of pairs | 4 |" in text
     assert "| steps between two lists | 32.0 |" in text
 

@@ -23,4 +23,4 @@ def most_pairs(nodes: int) -> int:
 def bytes_of(modules: tuple[int, int, int], sublattices: int, real_bytes: int) -> int:
     """Bytes of the lists of nodes and pairs, without the marks of rows and cells."""
     nodes = most_nodes(modules, sublattices)
-    return nodes * (8 * 4 + 3 * real_bytes + (5 * 3 + 1) * 8) + 4 * most_pairs(nodes)
+    return nodes * (11 * 4 + 3 * real_bytes + (6 * 3 + 1) * 8) + 4 * most_pairs(nodes)

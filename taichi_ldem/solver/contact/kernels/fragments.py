@@ -1,22 +1,4 @@
-"""Contact of nodes that were not neighbours: soft spheres with friction.
-
-Two nodes of a pair (``pairs``) touch when they are closer than the shortest bar of the lattice, d,
-or than they were at rest, if that is less. They then push each other apart with k (d - r), and
-friction resists their sliding. A bar fails in tension, when its ends are further apart than at
-rest, so a pair is never inside each other when it becomes one.
-
-The stiffness is k = 2 STIFFER m k_l / m_0: of two nodes inside the body, STIFFER of that of a bar
-along an edge, k_l = EA/L, and for lighter nodes less, by their reduced mass m. With n contacts at
-a node at most, the element-wise bound gives the contacts alone a highest frequency of
-omega^2 <= 2 STIFFER n k_l / m_0; the lattice's own is 16 k_l / m_0 (``module``) or 9.5
-(``cubic-26``). So ten contacts at each node of intact bodies would raise omega^2 by a third or a
-half, which the default safety of one half leaves room for. Nodes that have lost bars need less.
-
-Friction is Coulomb's, regularised in the sliding velocity and without memory: its impulse in a step
-is the friction coefficient times the normal one, but at most STICK of what would stop the sliding.
-Pieces under a shear load T < mu N creep at T dt / (STICK m). It acts at the velocity half a step
-before the displacement. With the lattice's own frequency as above, dt stays stable if
-(omega dt)^2 + 2 n STICK < 4.
+"""Contact of nodes that were not neighbours: pieces push each other away, and rub.
 
 Forces are those at t_n, so that contact is a part of the same central differences. Each node
 gathers its own pairs in their order; both ends compute the same numbers with opposite signs. The
@@ -24,6 +6,10 @@ energy of the springs follows from the positions. Half of the work of friction l
 half after it, where the velocity is known when the next step starts: then it is booked, so the loss
 is that until t_n. The velocities that a step leaves include contact, but its sums of kinetic energy
 do not: they lack half of the impulse times the velocity before it.
+
+Most listed nodes touch nothing. Those that cannot touch anything in the next few steps, by their
+distance from their partners and by the speed of what is no dust, rest meanwhile: no step looks at
+them. A node that dust touches is awake in that step.
 """
 
 from collections.abc import Mapping
@@ -35,37 +21,23 @@ import numpy.typing as npt
 import taichi as ti
 
 from taichi_ldem.model.material import bars_of
+from taichi_ldem.solver.contact.kernels.cells import BLOCK, DISTANCE, FAST
 from taichi_ldem.solver.contact.kernels.nearby import vec3d
 from taichi_ldem.solver.contact.kernels.pairs import (
-    BLOCK,
-    DISTANCE,
-    FRICTION,
     LATE,
+    LONGEST,
+    QUICKER,
     SKIN,
-    STIFFNESS,
-    NearbyPairs,
     distance_of_contact,
 )
+from taichi_ldem.solver.contact.kernels.spheres import ENERGY, STIFFER, Effect, SoftSpheres
 from taichi_ldem.solver.dynamics import Dynamics, field_apart
 
 if TYPE_CHECKING:
     from taichi_ldem.scene import Scene
 
-STIFFER = 0.25
-"""Stiffness of a contact of two nodes inside the body over that of a bar along an edge."""
-
-STICK = 0.1
-"""Largest share of the sliding of two free nodes that friction stops within a step."""
-
-TINY = 1e-12
-"""Least distance of two nodes, over that of contact, that has a direction."""
-
-OF_LISTED = ("friction", "home", "loose", "shown", "joins")
+OF_LISTED = ("friction", "home", "loose", "shown", "joins", "rest")
 """Fields of a checkpoint with a value for each listed node, apart from the ends of their pairs."""
-
-# the entries of what a contact does to a node: impulses (N s), and half of the energy (J)
-Effect = ti.types.vector(7, ti.f64)
-PUSH, DRAG, ENERGY = range(0, 7, 3)
 
 # the entries of ``works``
 ELASTIC, PLATE_BEFORE, LOST = range(3)
@@ -87,16 +59,15 @@ class Touching:
 
 
 @ti.data_oriented
-class Fragments(NearbyPairs):
+class Fragments(SoftSpheres):
     """Contact of pieces of the plate.
 
     Attributes:
         name: of the declaration.
-        before: velocity of the listed nodes before the step, m/s.
         impulse, friction: on each listed node in the latest step, all and friction's, N s.
         moved: 1 if a listed node that is no dust has moved far since the listing.
-        dusty: a bit for each cell around a cell, 9 z + 3 y + x from (-1, -1, -1) on: there is dust
-            in it that may touch something in this cell.
+        rest: steps in which a listed node need not be looked at.
+        seen, struck: the latest ``stamp`` at which a listed node was awake, or touched by dust.
         dust_in, dust_after: the first dust in a cell (where ``dusty_in`` is the latest ``stamp``, a
             count of steps), and the next in the same cell after each, in ascending order; -1 where
             there is none.
@@ -112,10 +83,9 @@ class Fragments(NearbyPairs):
         self.works = field_apart(ti.f64, self.capacity, 3)
         self.work_sums = field_apart(ti.f64, self.capacity // BLOCK + 1, 3)
         self.moved, self.stamp = field_apart(ti.i32, 1), field_apart(ti.i32, 1)
-        self.dusty, self.dusty_in, self.dust_in = (
-            field_apart(ti.i32, self.hot.shape[0]) for _ in range(3)
-        )
+        self.dusty_in, self.dust_in = (field_apart(ti.i32, self.hot.shape[0]) for _ in range(2))
         self.dust_after = field_apart(ti.i32, self.capacity)
+        self.rest, self.seen, self.struck = (field_apart(ti.i32, self.capacity) for _ in range(3))
         self.reset(scene)
 
     # -- on the host -------------------------------------------------------------------------------
@@ -127,7 +97,8 @@ class Fragments(NearbyPairs):
         whole = scene.material.density * lattice.spacing**3 * lattice.cell.node_shares[255, 0]
         self.distance = distance = distance_of_contact(self.dynamics)
         stiffness = 2 * STIFFER * edge.axial_stiffness / edge.length / whole
-        numbers = (distance, (1 + SKIN) * distance, stiffness, scene.contact.friction, np.inf)
+        reach = (1 + SKIN) * distance
+        numbers = (distance, reach, stiffness, scene.contact.friction, np.inf, 1 / reach)
         self.numbers.from_numpy(np.array(numbers))
         self.find_surface()
         for field in (self.count, self.works, self.impulse, self.friction):
@@ -189,6 +160,7 @@ class Fragments(NearbyPairs):
         ends = self.pair_ends.to_numpy()[:size]
         return {
             "schedule": np.array(self.next_listing),
+            "fast": np.array(self.numbers[FAST]),
             "nodes": self.nodes.to_numpy()[:size],
             "ends": ends,
             "pairs": self.pairs.to_numpy()[: ends[-1] if size else 0],
@@ -221,6 +193,7 @@ class Fragments(NearbyPairs):
             padded[: len(saved[name])] = saved[name]
             field.from_numpy(padded)
         self.moved.fill(0)
+        self.numbers[FAST] = float(saved["fast"])
         self._weigh(size)
         self._sort_cells()
         padded = self.pair_ends.to_numpy()
@@ -233,16 +206,19 @@ class Fragments(NearbyPairs):
     def _settle(self, size: int):
         """Book the friction of the latest step at the velocities after it."""
         for a in range(size):
-            s, k, j, i = self.site_of(a)
-            velocity = ti.cast(self.dynamics.node_velocity(s, k, j, i), ti.f64)
-            work = 0.5 * self.friction[a].dot(velocity)
-            self.works[a][LOST] = self.works[a][LOST] - work
+            friction = self.friction[a]
+            if friction.dot(friction) > 0:
+                s, k, j, i = self.site_of(a)
+                velocity = ti.cast(self.dynamics.node_velocity(s, k, j, i), ti.f64)
+                self.works[a][LOST] = self.works[a][LOST] - 0.5 * friction.dot(velocity)
 
     @ti.kernel
     def _forget(self, size: int):
         """Clear what belongs to the steps with the list before."""
         for a in range(size):
-            self.friction[a] = vec3d(0.0, 0.0, 0.0)
+            self.impulse[a], self.friction[a] = vec3d(0.0, 0.0, 0.0), vec3d(0.0, 0.0, 0.0)
+            self.works[a] = vec3d(0.0, 0.0, self.works[a][LOST])
+            self.rest[a] = 0
         for n in range(1):
             self.moved[n] = 0
 
@@ -262,18 +238,11 @@ class Fragments(NearbyPairs):
         """Compute the impulses of a step, and book its works."""
         for n in range(1):
             self.stamp[n] = self.stamp[n] + 1
-        for cell in range(ti.select(dust > 0, ti.static(self.hot.shape[0]), 0)):
-            self.dusty[cell] = 0
         for a in range(size):
-            s, k, j, i = self.site_of(a)
-            place = self.place(now, s, k, j, i, spacing)
-            self.position[a] = place
-            self.before[a] = self.dynamics.node_velocity(s, k, j, i)
-            way, least = place - self.home[a], LATE * SKIN * self.numbers[DISTANCE]
-            if self.loose[a] != 0:
-                self.announce_dust(place)
-            elif way.dot(way) > least * least:
-                self.moved[0] = 1
+            if self.rest[a] > 0:
+                self.rest[a] = self.rest[a] - 1
+            else:
+                self.visit(a, now, spacing)
         ti.loop_config(serialize=True)
         for n in range(dust):
             # from the last one, so that each cell's are in ascending order
@@ -283,53 +252,117 @@ class Fragments(NearbyPairs):
                 after = self.dust_in[cell]
             self.dust_after[b], self.dust_in[cell] = after, b
             self.dusty_in[cell] = self.stamp[0]
+        for n in range(dust):
+            self.strike_around(self.dust[n], now, spacing)
         for a in range(size):
-            found = self.gathered(a, spacing, ti.cast(time_step, ti.f64), dust)
-            push, drag = self.impulses(found)
-            velocity = ti.cast(self.before[a], ti.f64)
-            # the latest step's friction acted until the middle of this velocity, and this one's
-            # from there on
-            work = 0.5 * (self.friction[a] + drag).dot(velocity)
-            lost = self.works[a][LOST] - work
-            self.works[a] = vec3d(found[ENERGY], 0.5 * (push + drag).dot(velocity), lost)
-            self.impulse[a], self.friction[a] = push + drag, drag
+            if self.seen[a] == self.stamp[0]:
+                self.press_node(a, spacing, ti.cast(time_step, ti.f64))
 
     @ti.func
-    def impulses(self, effect):
-        """The normal impulse of an effect, and that of friction."""
-        push, drag = vec3d(0.0, 0.0, 0.0), vec3d(0.0, 0.0, 0.0)
-        for axis in ti.static(range(3)):
-            push[axis], drag[axis] = effect[PUSH + axis], effect[DRAG + axis]
-        return push, drag
+    def press_node(self, a, spacing, time_step):
+        """Compute the impulses of a node, and book its works; or let it rest."""
+        found, rest = self.gathered(a, spacing, time_step)
+        push, drag = self.impulses(found)
+        velocity = ti.cast(self.before[a], ti.f64)
+        # the latest step's friction acted until the middle of this velocity, and this one's from
+        # there on
+        work = 0.5 * (self.friction[a] + drag).dot(velocity)
+        lost = self.works[a][LOST] - work
+        self.works[a] = vec3d(found[ENERGY], 0.5 * (push + drag).dot(velocity), lost)
+        self.impulse[a], self.friction[a] = push + drag, drag
+        if found[ENERGY] == 0 and self.loose[a] == 0:
+            self.rest[a] = rest
 
     @ti.func
-    def announce_dust(self, place):
-        """Tell the cells in which something may touch dust at a place where it is."""
+    def visit(self, a, now, spacing):
+        """Note where a node is and how fast, and whether it has moved far."""
+        s, k, j, i = self.site_of(a)
+        place = self.place(now, s, k, j, i, spacing)
+        self.position[a], self.before[a] = place, self.dynamics.node_velocity(s, k, j, i)
+        self.seen[a] = self.stamp[0]
+        if self.loose[a] == 0:
+            way, least = place - self.home[a], LATE * SKIN * self.numbers[DISTANCE]
+            if way.dot(way) > least * least:
+                self.moved[0] = 1
+
+    @ti.func
+    def strike_around(self, a, now, spacing):
+        """Mark the listed nodes that touch dust, and wake them."""
+        place = self.position[a]
         cell = self.cell_of(place)
-        low, high = self.cells_within(place, self.numbers[DISTANCE])
+        least = self.numbers[DISTANCE] * self.numbers[DISTANCE]
+        radius = (1 + 0.5 * SKIN) * self.numbers[DISTANCE]
+        low, high = self.cells_within(place, radius)
         for z in range(low[2], high[2] + 1):
             for y in range(low[1], high[1] + 1):
                 for x in range(low[0], high[0] + 1):
-                    back = 9 * (1 - z) + 3 * (1 - y) + 1 - x
-                    ti.atomic_or(self.dusty[self.beside(cell, z, y, x)], 1 << back)
+                    there = self.beside(cell, z, y, x)
+                    for n in range(self.starts[there], self.starts[there + 1]):
+                        if self.is_near_member(a, n, radius):
+                            b = self.members[n]
+                            s, k, j, i = self.site_of(b)
+                            away = place - self.place(now, s, k, j, i, spacing)
+                            if away.dot(away) < least:
+                                self.strike(b, now, spacing)
 
     @ti.func
-    def gathered(self, a, spacing, time_step, dust):
-        """The sum of what a node's contacts do to it."""
-        total = Effect(0.0)
-        for n in range(self.first_pair(a), self.pair_ends[a]):
-            total += self.contact(a, self.pairs[n], spacing, time_step)
-        if dust > 0:
-            cell = self.cell_of(self.position[a])
-            around = self.dusty[self.beside(cell, 0, 0, 0)]
-            if around != 0:
-                for n in range(27):
-                    if (around >> n) & 1 != 0:
-                        there = self.beside(cell, n // 9 - 1, n // 3 % 3 - 1, n % 3 - 1)
-                        total += self.with_dust(a, there, spacing, time_step)
+    def is_near_member(self, a, n, radius):
+        """Whether a member of a cell that is no dust may touch dust, by where it was listed."""
+        away, found = self.position[a] - self.member_home[n], False
+        if away.dot(away) < radius * radius:
+            b = self.members[n]
+            found = self.loose[b] == 0 and self.shown[a] + self.shown[b] > 0
+            found = found and not self.are_joined(a, b)
+        return found
+
+    @ti.func
+    def strike(self, b, now, spacing):
+        """Mark a listed node that dust touches; all threads write the same."""
+        self.struck[b] = self.stamp[0]
+        if self.rest[b] > 0 or self.seen[b] != self.stamp[0]:
+            self.visit(b, now, spacing)
+            self.rest[b] = 0
+
+    @ti.func
+    def gathered(self, a, spacing, time_step):
+        """The sum of what a node's contacts do to it, and the steps that it may rest."""
+        total, rest = self.with_partners(a, spacing, time_step)
+        if self.loose[a] != 0 or self.struck[a] == self.stamp[0]:
+            place = self.position[a]
+            cell = self.cell_of(place)
+            low, high = self.cells_within(place, self.numbers[DISTANCE])
+            for z in range(low[2], high[2] + 1):
+                for y in range(low[1], high[1] + 1):
+                    for x in range(low[0], high[0] + 1):
+                        total += self.with_dust(a, self.beside(cell, z, y, x), spacing, time_step)
             if self.loose[a] != 0:
                 total += self.with_listed(a, cell, spacing, time_step)
-        return total
+        return total, rest
+
+    @ti.func
+    def with_partners(self, a, spacing, time_step):
+        """The same for its partners."""
+        total, least = Effect(0.0), self.numbers[DISTANCE]
+        # the way of a node in a step, and what it may cover until it is looked at again
+        way = QUICKER * self.numbers[FAST] * time_step
+        rest = self.whole_steps((0.5 - LATE) * SKIN * least - way, way)
+        for n in range(self.first_pair(a), self.pair_ends[a]):
+            b = self.pairs[n]
+            if self.seen[b] == self.stamp[0]:
+                away = self.position[a] - self.position[b]
+                rest = ti.min(rest, self.whole_steps(away.norm() - least, 2 * way))
+                total += self.contact(a, b, spacing, time_step)
+            else:
+                rest = ti.min(rest, self.rest[b])
+        return total, rest
+
+    @ti.func
+    def whole_steps(self, distance, way):
+        """Number of ways that fit into a distance; 0 where they do not, or are not known."""
+        count = 0
+        if distance > way:
+            count = ti.cast(ti.min(distance / way, LONGEST), ti.i32)
+        return count
 
     @ti.func
     def with_dust(self, a, cell, spacing, time_step):
@@ -358,7 +391,8 @@ class Fragments(NearbyPairs):
                     last = self.starts[self.beside(cell, top, y, x) + 1]
                     for n in range(self.starts[self.beside(cell, bottom, y, x)], last):
                         b = self.members[n]
-                        if self.loose[b] == 0:
+                        # what it touches has been struck
+                        if self.struck[b] == self.stamp[0] and self.loose[b] == 0:
                             total += self.unpaired(a, b, spacing, time_step)
         return total
 
@@ -373,56 +407,12 @@ class Fragments(NearbyPairs):
         return effect
 
     @ti.func
-    def contact(self, a, b, spacing, time_step):
-        """What another listed node does to a node."""
-        effect, distance = Effect(0.0), self.numbers[DISTANCE]
-        away = self.position[a] - self.position[b]
-        square = away.dot(away)
-        if square < distance * distance:
-            length = ti.sqrt(square)
-            depth = self.contact_distance(a, b, spacing) - length
-            if depth > 0:
-                normal = away / ti.max(length, TINY * distance)
-                reduced = self.mass[a] * self.mass[b] / (self.mass[a] + self.mass[b])
-                stiffness = self.numbers[STIFFNESS] * reduced
-                impulse = time_step * stiffness * depth
-                drag = self.friction_between(impulse, reduced, a, b, normal)
-                for axis in ti.static(range(3)):
-                    effect[PUSH + axis] = impulse * normal[axis]
-                    effect[DRAG + axis] = -drag[axis]
-                effect[ENERGY] = 0.25 * stiffness * depth * depth
-        return effect
-
-    @ti.func
-    def friction_between(self, impulse, reduced, a, b, normal):
-        """Impulse of friction between two nodes, along their sliding."""
-        sliding = ti.cast(self.before[a], ti.f64) - ti.cast(self.before[b], ti.f64)
-        sliding -= normal * sliding.dot(normal)
-        speed = sliding.norm()
-        factor = ti.cast(0.0, ti.f64)
-        if speed > 0:
-            factor = ti.min(self.numbers[FRICTION] * impulse / speed, STICK * reduced)
-        if self.numbers[FRICTION] == 0:
-            factor = 0.0
-        return factor * sliding
-
-    @ti.func
-    def contact_distance(self, a, b, spacing):
-        """Distance at which two listed nodes touch, m."""
-        distance = self.numbers[DISTANCE]
-        if ti.static(self.dynamics.features.perturbed):
-            s, k, j, i = self.site_of(a)
-            t, m, g, h = self.site_of(b)
-            rest = self.rest_position(s, k, j, i, spacing)
-            rest -= self.rest_position(t, m, g, h, spacing)
-            distance = ti.min(distance, rest.norm())
-        return distance
-
-    @ti.func
     def kick(self, now, time_step, damping, size):
         """Give the nodes that touch their impulses, after the passes of the step."""
         for a in range(size):
-            impulse = self.impulse[a]
+            impulse = vec3d(0.0, 0.0, 0.0)
+            if self.seen[a] == self.stamp[0]:
+                impulse = self.impulse[a]
             if impulse.dot(impulse) > 0:
                 s, k, j, i = self.site_of(a)
                 dt = ti.cast(time_step, ti.f64)

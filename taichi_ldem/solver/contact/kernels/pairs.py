@@ -23,7 +23,12 @@ import taichi as ti
 
 from taichi_ldem.errors import TooManyNodes
 from taichi_ldem.model.cell import UnitCell
-from taichi_ldem.solver.contact.kernels.nearby import WORD, NearbyNodes
+from taichi_ldem.solver.contact.kernels.cells import (
+    FAST,
+    REACH,
+    NodesInCells,
+)
+from taichi_ldem.solver.contact.kernels.nearby import WORD
 from taichi_ldem.solver.contact.sizes import most_nodes, most_pairs
 from taichi_ldem.solver.dynamics import Dynamics, field_apart
 from taichi_ldem.solver.lanes import HALO
@@ -34,21 +39,19 @@ SKIN = 0.3
 LONGEST = 64
 """Most steps between two listings, so that bars that have failed meanwhile are soon known."""
 
-FEWEST = 16
+FEWEST = 48
 """Steps between two listings that a fast node would allow if it had partners in the list."""
 
-LATE = 0.45
-"""Share of the skin that a node may cover since the listing: less than a half, as the list is made
-anew at the next step only."""
+LATE = 0.4
+"""Share of the skin that a node may cover since the listing: less than a half, as nodes are looked
+at every few steps, and the list is made anew at the step after."""
+
+QUICKER = 1.2
+"""Speed that a node that is no dust may come to before it is looked at again, over that from which
+a node is dust when the list is made."""
 
 FARTHEST = 16
 """Most cells that dust may pass through between two listings."""
-
-BLOCK = 256
-"""Counts that one thread adds up."""
-
-# the entries of ``numbers``
-DISTANCE, REACH, STIFFNESS, FRICTION, FAST = range(5)
 
 # the entries of ``fastest``
 UNLISTED, DUST = range(2)
@@ -72,53 +75,40 @@ def distance_of_contact(dynamics: Dynamics) -> float:
 
 
 @ti.data_oriented
-class NearbyPairs(NearbyNodes):
+class NearbyPairs(NodesInCells):
     """The nodes near bare ones, and for each of them its partners.
 
     Attributes:
         size, dust_size: numbers of listed nodes, and of those that are dust.
         distance: at which nodes touch, m.
         next_listing: step at which the list has to be made again.
-        numbers: DISTANCE, REACH (m), STIFFNESS (N/m for a reduced mass of 1 kg), FRICTION, and
-            FAST, the speed from which a node is dust (m/s).
-        position, home, mass: of the listed nodes, now and when they were listed, m and kg.
+        mass: of the listed nodes, kg.
         pairs: partners, as places in the list; those of node a end before ``pair_ends[a]``.
         bare, marks: a bit for each column of a piece of a row: its node is bare, or listed.
         loose, shown: 1 for listed nodes that are dust, or bare. dust: places in the list of dust.
         joins: a bit for each bar of a listed node, as in ``UnitCell.scalars``, that pushes its ends
             apart. between: the place there of a bar between two nodes; -1 where there is none.
         surface: a bit for each lane of a column: its node is at the rim of the body at rest.
-        hot: 1 for cells of the grid within one of a bare node.
-        starts, members: first place in ``members`` of each cell, and the nodes of the cells.
         fastest: squares of the largest speeds, of nodes at the rim not listed, and of dust.
     """
 
     def __init__(self, dynamics: Dynamics):
         lattice, cell = dynamics.lattice, dynamics.cell
-        super().__init__(dynamics, most_nodes(lattice.modules, cell.sublattices))
-        self.size, self.dust_size, self.next_listing = 0, 0, 0
         self.distance = distance_of_contact(dynamics)
-        self.numbers = field_apart(ti.f64, 5)
-        self.home = field_apart(ti.f64, self.capacity, 3)
+        most = most_nodes(lattice.modules, cell.sublattices)
+        super().__init__(dynamics, most, (1 + SKIN) * self.distance)
+        self.size, self.dust_size, self.next_listing = 0, 0, 0
         self.loose = field_apart(ti.i32, self.capacity)
         self.dust = field_apart(ti.i32, self.capacity)
         self.joins = field_apart(ti.i32, self.capacity)
         self.shown = field_apart(ti.i32, self.capacity)
         self.between = field_apart(ti.i32, cell.sublattices**2 * 27)
         self.between.from_numpy(places_of_bars(cell))
-        self.position = field_apart(ti.f64, self.capacity, 3)
         self.mass = field_apart(ti.f64, self.capacity)
         self.pair_ends = field_apart(ti.i32, self.capacity)
         self.pairs = field_apart(ti.i32, most_pairs(self.capacity))
         self.bare = field_apart(ti.i32, self.marks.shape[0])
         self.surface = [field_apart(ti.u8, dynamics.shape) for _ in range(cell.sublattices)]
-        reach = (1 + SKIN) * self.distance / dynamics.spacing
-        self.dims = tuple(max(8, math.ceil(n / reach) + 2) for n in lattice.modules)
-        cells = math.prod(self.dims)
-        self.hot = field_apart(ti.i32, cells)
-        self.starts = field_apart(ti.i32, cells + 1)
-        self.members = field_apart(ti.i32, self.capacity)
-        self.block_sums = field_apart(ti.i32, max(cells, self.capacity) // BLOCK + 1)
         self.fastest = field_apart(ti.f32, 2)
         self.homes = [sorted({home for _, home in bars}) for bars in cell.scalars]
 
@@ -241,60 +231,6 @@ class NearbyPairs(NearbyNodes):
         return gone
 
     @ti.func
-    def place(self, now, s, k, j, i, spacing):
-        """Position of a node, m, in f64."""
-        displacement = self.dynamics.node_displacement(now, s, k, j, i)
-        return self.rest_position(s, k, j, i, spacing) + ti.cast(displacement, ti.f64)
-
-    @ti.func
-    def cell_of(self, place):
-        """Cell of a place: whole numbers along x, y, z."""
-        cell = ti.Vector([0, 0, 0])
-        for axis in ti.static(range(3)):
-            along = ti.floor(place[axis] / self.numbers[REACH])
-            # a place that is not finite gets some cell
-            cell[axis] = ti.cast(ti.max(-1e9, ti.min(along, 1e9)), ti.i32)
-            cell[axis] = cell[axis] % ti.static(self.dims[axis])
-        return cell
-
-    @ti.func
-    def beside(self, cell, z, y, x):
-        """Number of the cell that lies (z, y, x) cells from another, which are -1 to 1."""
-        offset, index = ti.Vector([x, y, z]), 0
-        for axis in ti.static(range(3)):
-            count = ti.static(self.dims[axis])
-            along = cell[axis] + offset[axis]
-            if along < 0:
-                along += count
-            elif along >= count:
-                along -= count
-            index = index * count + along
-        return index
-
-    @ti.func
-    def cells_within(self, place, radius):
-        """Offsets along x, y, z of the first and last cell within less than a cell of a place."""
-        first, last = ti.Vector([0, 0, 0]), ti.Vector([0, 0, 0])
-        for axis in ti.static(range(3)):
-            along = place[axis] / self.numbers[REACH]
-            inside = (along - ti.floor(along)) * self.numbers[REACH]
-            first[axis] = -int(inside < radius)
-            last[axis] = int(self.numbers[REACH] - inside < radius)
-        return first, last
-
-    @ti.func
-    def number_of(self, place):
-        """Number of the cell of a place."""
-        return self.beside(self.cell_of(place), 0, 0, 0)
-
-    @ti.func
-    def heat(self, place):
-        """Mark the cells around a place; all threads write the same."""
-        cell = self.cell_of(place)
-        for z, y, x in ti.ndrange((-1, 2), (-1, 2), (-1, 2)):
-            self.hot[self.beside(cell, z, y, x)] = 1
-
-    @ti.func
     def heat_way(self, place, velocity, time_step):
         """Mark the cells around a bare node, and where it is dust also around its way."""
         cells, way = 0, velocity * time_step * LONGEST
@@ -335,38 +271,6 @@ class NearbyPairs(NearbyNodes):
 
     # -- pairs -------------------------------------------------------------------------------------
 
-    @ti.func
-    def scan(self, counts: ti.template(), size):
-        """Turn counts into their sums up to and including each of them."""
-        for block in range((size + BLOCK - 1) // BLOCK):
-            total = 0
-            for n in range(block * BLOCK, ti.min((block + 1) * BLOCK, size)):
-                total += counts[n]
-            self.block_sums[block] = total
-        ti.loop_config(serialize=True)
-        for _ in range(1):
-            total = 0
-            for block in range((size + BLOCK - 1) // BLOCK):
-                total += self.block_sums[block]
-                self.block_sums[block] = total
-        for block in range((size + BLOCK - 1) // BLOCK):
-            total = 0
-            if block > 0:
-                total = self.block_sums[block - 1]
-            for n in range(block * BLOCK, ti.min((block + 1) * BLOCK, size)):
-                total += counts[n]
-                counts[n] = total
-
-    @ti.func
-    def sort(self, numbers: ti.template(), begin, end):
-        """Sort a few numbers in ascending order, in their place."""
-        for n in range(begin + 1, end):
-            value, at = numbers[n], n
-            while at > begin and numbers[at - 1] > value:
-                numbers[at] = numbers[at - 1]
-                at -= 1
-            numbers[at] = value
-
     @ti.kernel
     def _settle_in(self, now: int, spacing: float, size: int):
         """Note where the listed nodes are, and which of them are dust."""
@@ -378,22 +282,6 @@ class NearbyPairs(NearbyNodes):
             self.loose[a] = int(velocity.norm() > self.numbers[FAST])
             self.shown[a] = self.is_bare(a)
             self.joins[a] = self.bars_that_push(a)
-
-    @ti.kernel
-    def _sort(self, size: int):
-        """Sort the listed nodes into cells."""
-        cells = ti.static(self.hot.shape[0])
-        for cell in range(cells + 1):
-            self.starts[cell] = 0
-        for a in range(size):
-            ti.atomic_add(self.starts[self.number_of(self.home[a])], 1)
-        self.scan(self.starts, cells + 1)
-        for a in range(size):
-            # from the end of a cell down, which turns the ends into starts
-            taken = ti.atomic_add(self.starts[self.number_of(self.home[a])], -1)
-            self.members[taken - 1] = a
-        for cell in range(cells):
-            self.sort(self.members, self.starts[cell], self.starts[cell + 1])
 
     @ti.kernel
     def _list_dust(self, size: int):
@@ -409,24 +297,43 @@ class NearbyPairs(NearbyNodes):
     def _find_pairs(self, size: int, write: int):
         """Count the partners of the listed nodes; or, with ``write``, list them."""
         for a in range(size):
-            begin, found, middle = 0, 0, self.cell_of(self.home[a])
+            begin, found = 0, 0
             if write != 0:
                 begin = self.first_pair(a)
-            # cells above each other follow each other, but for the ends of the grid
-            within = 0 < middle[2] < ti.static(self.dims[2] - 1)
-            for part, y, x in ti.ndrange(ti.select(within, 1, 3), (-1, 2), (-1, 2)):
-                low, high = ti.select(within, -1, part - 1), ti.select(within, 1, part - 1)
-                last = self.starts[self.beside(middle, high, y, x) + 1]
-                for n in range(self.starts[self.beside(middle, low, y, x)], last):
-                    if self.may_touch(a, self.members[n]):
-                        if write != 0:
-                            self.pairs[begin + found] = self.members[n]
-                        found += 1
+            # dust has no partners, and only nodes with partners are looked at again to write them
+            if self.loose[a] == 0 and (write == 0 or self.pair_ends[a] > begin):
+                middle = self.cell_of(self.home[a])
+                # cells above each other follow each other, but for the ends of the grid
+                within = 0 < middle[2] < ti.static(self.dims[2] - 1)
+                for x in range(middle[0] - 1, middle[0] + 2):
+                    for y in range(middle[1] - 1, middle[1] + 2):
+                        column = self.column(x, y)
+                        for part in range(ti.select(within, 1, 3)):
+                            low = self.wrapped(middle[2] + part - 1, 2)
+                            high = low + ti.select(within, 2, 0)
+                            first, last = self.starts[column + low], self.starts[column + high + 1]
+                            found += self.partners(a, first, last, begin + found, write)
             if write != 0:
                 self.sort(self.pairs, begin, begin + found)
             else:
                 self.pair_ends[a] = found
         self.scan(self.pair_ends, ti.select(write == 0, size, 0))
+
+    @ti.func
+    def partners(self, a, first, last, at, write):
+        """Number of a node's partners among some members; with ``write`` they are listed."""
+        found, home = 0, self.home[a]
+        square = self.numbers[REACH] * self.numbers[REACH]
+        for n in range(first, last):
+            away = home - self.member_home[n]
+            if away.dot(away) < square:
+                b = self.members[n]
+                if a != b and self.loose[b] == 0 and self.shown[a] + self.shown[b] > 0:
+                    if not self.are_joined(a, b):
+                        if write != 0:
+                            self.pairs[at + found] = b
+                        found += 1
+        return found
 
     @ti.func
     def first_pair(self, a):
@@ -435,17 +342,6 @@ class NearbyPairs(NearbyNodes):
         if a > 0:
             begin = self.pair_ends[a - 1]
         return begin
-
-    @ti.func
-    def may_touch(self, a, b):
-        """Whether two listed nodes are a pair within the reach of the list."""
-        found = False
-        away = self.home[a] - self.home[b]
-        near = away.dot(away) < self.numbers[REACH] * self.numbers[REACH]
-        if a != b and near and self.loose[a] + self.loose[b] == 0:
-            if self.shown[a] + self.shown[b] > 0:
-                found = not self.are_joined(a, b)
-        return found
 
     @ti.func
     def is_bare(self, a):
@@ -458,11 +354,13 @@ class NearbyPairs(NearbyNodes):
     @ti.func
     def are_joined(self, a, b):
         """Whether a bar between two listed nodes carried compression when they were listed."""
-        s, k, j, i = self.site_of(a)
-        t, up, g, h = self.site_of(b)
-        z, y, x = up - k + 1, g - j + 1, h - i + 1
+        nz, ny, nx = ti.static(self.dynamics.sites)
+        s, t = self.nodes[a] // (nz * ny * nx), self.nodes[b] // (nz * ny * nx)
+        # neither node is at an end of its row, so the numbers' difference tells the offsets
+        apart = self.nodes[b] - self.nodes[a] - (t - s) * (nz * ny * nx) + (ny + 1) * nx + 1
+        z, y, x = apart // (ny * nx), apart // nx % ny, apart % nx
         joined = False
-        if ti.min(x, y, z) >= 0 and ti.max(x, y, z) <= 2:
+        if apart >= 0 and ti.max(x, y, z) <= 2:
             sublattices = ti.static(self.dynamics.cell.sublattices)
             bar = self.between[(((s * sublattices + t) * 3 + z) * 3 + y) * 3 + x]
             joined = bar >= 0 and (self.joins[a] >> bar) & 1 != 0
