@@ -259,6 +259,14 @@ def _mean_peak_strain(scene: Scene) -> float:
     return mat.failure_strain(scene.material) * strength_by_volume(scene)
 
 
+def _takers(simulation: "Simulation") -> str:
+    """Who takes the steps on the CPU: one thread, or all."""
+    if simulation.alone:
+        return "one thread, with its contact, many steps in one launch"
+    strips = simulation.dynamics.layout.strips
+    return f"all threads, in {strips} strips of rows"
+
+
 def _against_everything(scene: Scene, simulation: "Simulation", measured: bool) -> Table:
     """Fields, bytes and kernels of the scene, and of its lattice with all features switched on.
 
@@ -322,6 +330,8 @@ def describe(scene: Scene, measured: bool = False, fields: bool = False) -> Grou
     else:
         expected = simulation.measure_step() * simulation.steps
         rows["time to compute"] = f"about {expected:.0f} s, as busy as the machine is"
+        if scene.solver.arch == "cpu":
+            rows["a step is taken by"] = _takers(simulation)
     rows["memory of all fields"] = f"{sum(sizes.values()) / 1e6:.2f} MB"
     table = Table("quantity", "value", title="what the inputs imply")
     for name, value in rows.items():

@@ -90,6 +90,7 @@ def test_info_says_the_memory_in_a_line_and_of_every_field_if_asked(
     plain = info(False)
     assert "memory of all fields" in plain
     assert "time to compute" in plain
+    assert "one thread, with its contact" in plain  # a plate of few modules
     assert "displacement" not in plain
     assert "EA: axial stiffness" in plain
     assert "K_r" not in plain  # no damage
