@@ -257,16 +257,21 @@ def _record(folder: Path) -> dict[str, Any]:
 def refuse_other_plan(plan: Plan, folder: Path) -> None:
     """Check that a folder holds this ensemble.
 
+    Where the hashes differ the scenes decide: another version of the program knows keys that the
+    one which began the ensemble did not, with defaults that leave everything as it was.
+
     Raises:
         SceneError: it holds another one; the message names a difference.
     """
     if _record(folder).get("sha256") == plan.hash:
         return
-    old = read_plan(folder)
-    raise SceneError(f"--resume: '{folder}' holds another ensemble: {_difference(old, plan)}")
+    difference = _difference(read_plan(folder), plan)
+    if difference is not None:
+        raise SceneError(f"--resume: '{folder}' holds another ensemble: {difference}")
 
 
-def _difference(old: Plan, new: Plan) -> str:
+def _difference(old: Plan, new: Plan) -> str | None:
+    """A difference between two plans in words; None where they are the same ensemble."""
     before = {member.name: member for member in old.members}
     now = {member.name: member for member in new.members}
     for these, others, where in ((before, now, "there"), (now, before, "asked for")):
@@ -278,4 +283,4 @@ def _difference(old: Plan, new: Plan) -> str:
         for key in sorted(mine.keys() | theirs.keys()):
             if mine.get(key) != theirs.get(key) and key != "solver.threads":
                 return f"{key} = {theirs.get(key)!r} there, {mine.get(key)!r} asked for ({name})"
-    return f"{RECORD} has been changed, or another version wrote it"
+    return None
