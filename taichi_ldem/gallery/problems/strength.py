@@ -154,7 +154,7 @@ def _draw(figure: Figure, runs: Runs) -> None:
             if len(values):
                 axes.plot(values, rank, mark, color=colour, label=label)
     axes.set(xlabel="stress in the middle at the largest force [MPa]", ylabel="share broken")
-    axes.legend()
+    figure.legend(loc="outside lower center", ncols=2, fontsize=11)
 
 
 PROBLEM = Problem(
