@@ -133,7 +133,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(child, "vulkan_device", lambda: True)
     monkeypatch.setattr(subprocess, "run", process)
     monkeypatch.setattr(write, "_plotly", lambda: "")
-    monkeypatch.setattr(runner, "_build", accepted)
+    monkeypatch.setattr(runner.WORKBENCH, "build", accepted)
     monkeypatch.setattr(attempt, "_start", accepted)  # in a thread: its attempt has failed then
     monkeypatch.chdir(ROOT)
 
