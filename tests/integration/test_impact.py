@@ -186,6 +186,7 @@ def test_same_history_with_one_and_two_threads(finished: RunFolder, scene: Path)
     assert (out / "history.csv").read_bytes() == finished.history_file.read_bytes()
 
 
+@pytest.mark.slow  # builds a simulation to be refused
 def test_an_existing_run_is_kept(finished: RunFolder, scene: Path) -> None:
     before = finished.history_file.read_bytes()
     done = ldem("impact", str(scene), "--out", str(finished.path))

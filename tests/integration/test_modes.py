@@ -63,6 +63,7 @@ def test_shapes_open_in_vtk_and_are_held_where_the_rings_are(folder: Path) -> No
         assert not shape[(radius > 0.0301) & (radius < 0.0419)].any()
 
 
+@pytest.mark.slow  # a lattice of its own
 def test_any_scene_will_do_and_is_told_what_is_left_out(tmp_path: Path) -> None:
     out = tmp_path / "impact"
     command = ["modes", str(CONFIGS / "impact_small.toml"), "--out", str(out), "--count", "1"]

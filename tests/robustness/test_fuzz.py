@@ -270,8 +270,9 @@ def _change_dataset(file: h5py.File, name: str, rng: np.random.Generator) -> Non
     file.create_dataset(name, data=array[0] if same else array)
 
 
+@pytest.mark.slow  # resumes what it does not refuse
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-@pytest.mark.parametrize("count", [30, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [30, 1000])
 @pytest.mark.parametrize("change", [_flipped, _rewritten])
 def test_a_mutated_checkpoint_is_refused_or_runs(
     plate: "tuple[Simulation, bytes]", change, count: int

@@ -22,6 +22,7 @@ def test_there_are_as_many_cases_as_promised_with_names_of_their_own() -> None:
     assert all(case.says for case in CASES if case.predicted != STABLE)
 
 
+@pytest.mark.slow  # compiles each of its cases
 def test_the_small_form_ends_as_predicted(tmp_path: Path) -> None:
     assert study.run(tmp_path, quick=True, workers=1) == 0
     rows = (tmp_path / "extremes.csv").read_text().splitlines()
