@@ -14,6 +14,7 @@ import sys
 from collections.abc import Iterator
 
 from taichi_ldem.cli.app import main
+from taichi_ldem.errors import ExitCode
 from taichi_ldem.scenarios.workbench import WORKBENCH, NeedsOtherKernels
 
 OTHER = "other"
@@ -34,7 +35,10 @@ def serve() -> None:
                     answer: int | str = main(order["arguments"])
             except NeedsOtherKernels:
                 answer = OTHER
-            print(answer, file=answers, flush=True)
+            try:
+                print(answer, file=answers, flush=True)
+            except BrokenPipeError:  # whoever gave the order has been killed
+                os._exit(int(ExitCode.TERMINATED))
             if answer == OTHER or int(answer) >= SIGNALLED:
                 return
 
