@@ -4,21 +4,23 @@ Each line of standard input is an order, a JSON object with the ``arguments`` of
 files that take what it prints, ``out`` and ``err``. Each line of standard output is the answer to
 one: its exit code, or OTHER where a new process has to execute it. The simulation is kept from
 order to order (``scenarios.workbench``). The process ends with its standard input, after an order
-that was ended by a signal, and after an answer of OTHER.
+that was ended by a signal or an exception, and after an answer of OTHER.
 """
 
 import contextlib
 import json
 import os
 import sys
+import traceback
 from collections.abc import Iterator
 
 from taichi_ldem.cli.app import main
+from taichi_ldem.ensemble.standing import OTHER
 from taichi_ldem.errors import ExitCode
 from taichi_ldem.scenarios.workbench import WORKBENCH, NeedsOtherKernels
 
-OTHER = "other"
-"""The answer to an order that needs other kernels than those of this process."""
+FAULT = "1"
+"""The answer to an order that ended in an exception, as Python's exit code of a program."""
 
 SIGNALLED = 128
 """Exit codes from here on mean that a signal has ended the command."""
@@ -30,17 +32,26 @@ def serve() -> None:
     with open(os.dup(1), "w", encoding="utf-8") as answers, open(0, encoding="utf-8") as orders:
         for line in orders:
             order = json.loads(line)
-            try:
-                with _printed_to(order["out"], order["err"]):
-                    answer: int | str = main(order["arguments"])
-            except NeedsOtherKernels:
-                answer = OTHER
+            with _printed_to(order["out"], order["err"]):
+                answer = _execute(order["arguments"])
             try:
                 print(answer, file=answers, flush=True)
             except BrokenPipeError:  # whoever gave the order has been killed
                 os._exit(int(ExitCode.TERMINATED))
-            if answer == OTHER or int(answer) >= SIGNALLED:
+            if answer in (OTHER, FAULT) or int(answer) >= SIGNALLED:
                 return
+
+
+def _execute(arguments: list[str]) -> str:
+    """The answer to an order."""
+    sys.argv = ["ldem", *arguments]  # the command that the run's provenance names
+    try:
+        return str(int(main(arguments)))
+    except NeedsOtherKernels:
+        return OTHER
+    except BaseException:
+        traceback.print_exc()
+        return FAULT
 
 
 @contextlib.contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 import threading
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
@@ -99,7 +100,9 @@ class LocalPool:
         return [self._outcome(future, self._tasks.pop(future)) for future in done]
 
     def _attempt(self, task: Task) -> Outcome:
-        """Make an attempt in the process of this thread."""
+        """Make an attempt in the process of this thread, where the system can wait for a pipe."""
+        if sys.platform == "win32":
+            return attempt(task, lambda: self._order)
         if not hasattr(self._own, "standing"):
             self._own.standing = Standing()
             self._standing.append(self._own.standing)

@@ -17,6 +17,10 @@ from taichi_ldem.errors import SceneError
 KEYS = "slurm"
 """Folder of the key, of scripts and of what the jobs print, in the ensemble's."""
 
+WORKER, SPARE = 0.5e9, 1.2
+"""Bytes of a Dask worker, which shares a job's memory with its member, and what a job asks for over
+the estimate of a member."""
+
 
 class SlurmPool(DaskPool):
     """A number of SLURM jobs, each of which runs one member at a time.
@@ -46,6 +50,7 @@ class SlurmPool(DaskPool):
             raise SceneError("--slurm: there is no 'sbatch' here; run it where jobs are submitted")
         self._keys, self._jobs = ensemble / KEYS, jobs
         self._keys.mkdir(mode=0o700, exist_ok=True)
+        self._keys.chmod(0o700)  # of an earlier command, or a copy
         jobqueue: Any = dask_jobqueue
         dask: Any = distributed
         security = dask.Security.temporary()
@@ -53,7 +58,7 @@ class SlurmPool(DaskPool):
             self._cluster = jobqueue.SLURMCluster(
                 cores=threads,
                 processes=1,
-                memory=f"{memory}B",
+                memory=f"{int(SPARE * memory + WORKER)}B",
                 nanny=False,
                 worker_extra_args=["--nthreads", "1"],
                 job_name="ldem",
@@ -64,12 +69,18 @@ class SlurmPool(DaskPool):
             )
         except (ValueError, TypeError, OSError, RuntimeError) as error:
             raise SceneError(f"--slurm {jobs}: {' '.join(str(error).split())}") from None
-        self._cluster.adapt(minimum_jobs=jobs, maximum_jobs=jobs)
-        super().__init__(self._cluster.scheduler_address, ensemble, security)
+        try:
+            self._cluster.adapt(minimum_jobs=jobs, maximum_jobs=jobs)
+            super().__init__(self._cluster.scheduler_address, ensemble, security)
+        except BaseException:
+            self._cluster.close()
+            raise
 
     def describe(self) -> str:  # noqa: D102
         return f"{self._jobs} SLURM jobs, one member at a time in each; their output is in {KEYS}/"
 
     def close(self) -> None:  # noqa: D102
-        super().close()
-        self._cluster.close()
+        try:
+            super().close()
+        finally:
+            self._cluster.close()

@@ -22,7 +22,13 @@ from taichi_ldem.scenarios.child import tied
 
 SERVER = (sys.executable, "-m", "taichi_ldem.cli.standing")
 OTHER = "other"
-"""The answer to an order that needs a new process; see ``cli.standing``."""
+"""The answer to an order that needs other kernels than those of the process."""
+
+LOST = 1
+"""Exit code of an order whose process ended without an answer and without an error."""
+
+LAST = 128
+"""Exit codes from here on mean that a signal has ended the command, and the process ends, too."""
 
 
 class Standing:
@@ -104,7 +110,12 @@ class Ordered:
                 break
             self._process = self._standing.renew(self._err)
             self._send()
-        self.returncode = self._process.wait() if answer == "" else int(answer)
+        if answer == "":  # it has ended, though not by itself
+            self.returncode = self._process.wait() or LOST
+        else:
+            self.returncode = int(answer)
+        if not 0 <= self.returncode < LAST or self.returncode == LOST:
+            self._standing.close()  # it is about to end, and must not be given the next order
         return self.returncode
 
     def _send(self) -> None:

@@ -39,7 +39,6 @@ class Workbench:
             SceneError: the scene is refused.
             NeedsOtherKernels: a simulation has been kept that cannot be that of this scene.
         """
-        refuse_too_large(scene)
         if self._kept is not None:
             try:
                 self._kept.reset(scene)
@@ -48,6 +47,7 @@ class Workbench:
             except ValueError as error:
                 raise NeedsOtherKernels(str(error)) from None
             return self._kept
+        refuse_too_large(scene)
         backend.start(scene.solver)
         from taichi_ldem.solver.simulation import Simulation
 

@@ -43,6 +43,10 @@ back in their places. On Vulkan it is one: four take Taichi's SPIR-V builder min
 may fail (``Value does not yet exist``)."""
 
 
+STEPS_OF_A_MILLION = 1
+"""Steps in one launch of one thread that takes those of a million modules; fewer modules, more."""
+
+
 @ti.data_oriented
 class Simulation:
     """A plate and the rigid bodies around it, stepped in time.
@@ -93,7 +97,9 @@ class Simulation:
 
     def _choose_steps_a_launch(self) -> int:
         if self.alone:
-            return STEPS_BETWEEN_LISTS
+            # a signal waits for the end of a launch, and large plates gain nothing by many steps
+            modules = int(np.prod(self.dynamics.lattice.modules))
+            return max(1, min(STEPS_BETWEEN_LISTS, STEPS_OF_A_MILLION * 10**6 // modules))
         one_by_one = self.dynamics.in_strips or self.scene.solver.arch == "vulkan"
         return 1 if one_by_one else STEPS_A_LAUNCH
 

@@ -18,7 +18,7 @@ Floats = npt.NDArray[np.float64]
 
 
 def set_off(simulation: "Simulation") -> None:
-    """Give the plate its state at t = 0, before any body is built."""
+    """Give the plate its state at t = 0, before any body is placed."""
     if simulation.scene.plate.moves or simulation.scene.start is not None:
         _give_start(simulation)
     if any(load.value * load.factor_at_start for load in simulation.scene.loads):

@@ -25,6 +25,13 @@ for line in sys.stdin:
     if deed == "hang":
         import time
         time.sleep(60)
+    if deed == "leave":
+        sys.exit(0)
+    if deed == "signalled":
+        import time
+        print(143, flush=True)
+        time.sleep(0.2)
+        sys.exit(0)
     if deed == "other" and served > 0:
         print("{OTHER}", flush=True)
         break
@@ -91,3 +98,15 @@ def test_ldem_itself_executes_orders(tmp_path: Path) -> None:
     assert worker.order(["impact", "absent.toml"], out, err).wait(30) == 2
     assert err.read_text().startswith("error: ")
     worker.close()
+
+
+def test_a_signalled_process_is_not_given_the_next_order(worker: Standing, tmp_path: Path) -> None:
+    """It answers 143 and is about to end: the next order goes to another one."""
+    assert _order(worker, tmp_path, "signalled") == 143
+    assert _order(worker, tmp_path, "one") == 0
+    assert len(set(_processes(tmp_path))) == 2
+
+
+def test_a_process_that_ends_without_an_answer_has_failed(worker: Standing, tmp_path: Path) -> None:
+    assert _order(worker, tmp_path, "leave") == 1
+    assert _order(worker, tmp_path, "one") == 0

@@ -15,7 +15,7 @@ BLOCK = 256
 """Counts that one thread adds up."""
 
 # the entries of ``numbers``
-DISTANCE, REACH, STIFFNESS, FRICTION, FAST, CELLS_A_METRE = range(6)
+DISTANCE, REACH, STIFFNESS, FRICTION, FAST, CELLS_A_METRE, DRIVEN = range(7)
 
 
 @ti.data_oriented
@@ -24,7 +24,8 @@ class NodesInCells(NearbyNodes):
 
     Attributes:
         numbers: DISTANCE, REACH (m), STIFFNESS (N/m for a reduced mass of 1 kg), FRICTION, FAST,
-            the speed from which a node is dust (m/s), and CELLS_A_METRE, one over REACH.
+            the speed from which a node is dust (m/s), CELLS_A_METRE, one over REACH, and DRIVEN,
+            the largest speed that a rigid body or a load gives to nodes (m/s).
         dims: number of cells along x, y, z. A cell is as wide as the reach of the list.
         home: of the listed nodes when they were listed, m. member_home: the same, in the order of
             ``members``, so that the nodes of a cell lie side by side.
@@ -36,7 +37,7 @@ class NodesInCells(NearbyNodes):
     def __init__(self, dynamics: Dynamics, capacity: int, reach: float):
         """``reach``: width of a cell, m."""
         super().__init__(dynamics, capacity)
-        self.numbers = field_apart(ti.f64, 6)
+        self.numbers = field_apart(ti.f64, 7)
         self.home = field_apart(ti.f64, capacity, 3)
         self.member_home = field_apart(ti.f64, capacity, 3)
         across = reach / dynamics.spacing

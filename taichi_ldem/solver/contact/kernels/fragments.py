@@ -21,7 +21,7 @@ import numpy.typing as npt
 import taichi as ti
 
 from taichi_ldem.model.material import bars_of
-from taichi_ldem.solver.contact.kernels.cells import BLOCK, DISTANCE, FAST
+from taichi_ldem.solver.contact.kernels.cells import BLOCK, DISTANCE, DRIVEN, FAST
 from taichi_ldem.solver.contact.kernels.nearby import vec3d
 from taichi_ldem.solver.contact.kernels.pairs import (
     LATE,
@@ -41,6 +41,15 @@ OF_LISTED = ("friction", "home", "loose", "shown", "joins", "rest")
 
 # the entries of ``works``
 ELASTIC, PLATE_BEFORE, LOST = range(3)
+
+
+def driven_speed(scene: "Scene") -> float:
+    """The largest speed that a striker, a load or grips give to nodes, m/s."""
+    speeds = [float(np.linalg.norm(striker.vector)) for striker in scene.strikers]
+    speeds += [abs(load.value) for load in scene.loads if load.kind == "velocity"]
+    if scene.grips is not None:
+        speeds.append(abs(scene.grips.velocity))
+    return max(speeds, default=0.0)
 
 
 @dataclass(frozen=True)
@@ -98,7 +107,8 @@ class Fragments(SoftSpheres):
         self.distance = distance = distance_of_contact(self.dynamics)
         stiffness = 2 * STIFFER * edge.axial_stiffness / edge.length / whole
         reach = (1 + SKIN) * distance
-        numbers = (distance, reach, stiffness, scene.contact.friction, np.inf, 1 / reach)
+        friction, driven = scene.contact.friction, driven_speed(scene)
+        numbers = (distance, reach, stiffness, friction, np.inf, 1 / reach, driven)
         self.numbers.from_numpy(np.array(numbers))
         self.find_surface()
         for field in (self.count, self.works, self.impulse, self.friction):
@@ -344,7 +354,8 @@ class Fragments(SoftSpheres):
         """The same for its partners."""
         total, least = Effect(0.0), self.numbers[DISTANCE]
         # the way of a node in a step, and what it may cover until it is looked at again
-        way = QUICKER * self.numbers[FAST] * time_step
+        # a body may give it any speed up to twice its own while it rests
+        way = ti.max(QUICKER * self.numbers[FAST], 2 * self.numbers[DRIVEN]) * time_step
         rest = self.whole_steps((0.5 - LATE) * SKIN * least - way, way)
         for n in range(self.first_pair(a), self.pair_ends[a]):
             b = self.pairs[n]
