@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from taichi_ldem.model.cell import MODULE, UnitCell
+from taichi_ldem.model.cell import CELLS, MODULE, UnitCell
 from taichi_ldem.model.disorder import varies
 from taichi_ldem.scene import DISORDERED, Scene
 from taichi_ldem.solver.lanes import Lanes
@@ -271,6 +271,22 @@ class Layout:
     def pieces(self) -> int:
         """Pieces of a row."""
         return -(-self.lanes.length // self.piece)
+
+
+LONG = 1e11
+"""Bars times steps of a run from which on a faster step pays for a longer compilation: ten minutes
+or more on two cores."""
+
+
+def is_long(scene: Scene) -> bool:
+    """Whether a run takes so many steps of so many bars that kernels are compiled with all care."""
+    plate, solver = scene.plate, scene.solver
+    speed = math.sqrt(scene.material.youngs_modulus / scene.material.density)
+    step = solver.time_step
+    if step == "auto":
+        step = solver.safety * plate.spacing / speed / 2  # about: the critical one is not known yet
+    bars = CELLS[plate.lattice].bars * math.prod(plate.modules)
+    return bars * solver.duration / float(step) > LONG
 
 
 # -- fields ----------------------------------------------------------------------------------------

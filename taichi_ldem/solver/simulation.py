@@ -11,7 +11,7 @@ import taichi as ti
 from taichi_ldem.errors import TooManyNodes
 from taichi_ldem.model.lattice import Lattice
 from taichi_ldem.scene import Scene
-from taichi_ldem.solver import guard, saving, stability
+from taichi_ldem.solver import backend, guard, saving, stability
 from taichi_ldem.solver.build import build_dynamics, refill_dynamics
 from taichi_ldem.solver.contact import BODIES, FRAGMENTS, in_order_of_resolving
 from taichi_ldem.solver.contact.kernels.body import LOSS_AFTER, LOSS_BEFORE, RigidBody
@@ -27,6 +27,7 @@ from taichi_ldem.solver.energy import (
     EnergySums,
     Ledger,
 )
+from taichi_ldem.solver.fields import is_long
 from taichi_ldem.solver.openings import Openings
 from taichi_ldem.solver.sampling import Sample, Sampler
 from taichi_ldem.solver.start import set_off
@@ -73,6 +74,7 @@ class Simulation:
 
     def __init__(self, scene: Scene, in_strips: bool | None = None):
         self.scene = scene
+        backend.compile_carefully(is_long(scene))
         self.dynamics, self.drawn = build_dynamics(scene, in_strips)
         self.alone = self.dynamics.layout.alone
         self.steps_a_launch = self._choose_steps_a_launch()

@@ -5,9 +5,18 @@ from typing import TYPE_CHECKING
 
 import pytest
 from support.blocks import DAMAGE, block_scene
+from support.paths import CONFIGS
 
-from taichi_ldem.scene import DISORDERED
-from taichi_ldem.solver.fields import FIELDS, Features, Layout, rows, tables_of_all_features
+from taichi_ldem.scene import DISORDERED, load_scene
+from taichi_ldem.solver.fields import (
+    FIELDS,
+    Features,
+    Layout,
+    is_long,
+    rows,
+    suits_one_thread,
+    tables_of_all_features,
+)
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation
@@ -73,3 +82,21 @@ def test_strips_are_no_thinner_than_their_overlap_allows() -> None:
     on_gpu = Layout.fitting((5, 20, 40), 4, False, 16)
     assert (on_gpu.lanes.width, on_gpu.strips, on_gpu.bar_rows) == (1, 1, 20)
     assert on_gpu.pieces * on_gpu.piece >= on_gpu.lanes.length
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "long", "alone"),
+    [
+        ("impact", [], True, False),  # the paper's run, 18 minutes on two cores
+        ("impact_quick", [], False, False),
+        ("impact_quick", ["solver.threads=1"], False, True),
+        ("bend_quick", [], False, True),  # few modules, and no number of threads
+        ("bend_quick", ["solver.threads=2"], False, False),
+        ("bend_quick", ["solver.arch=cuda"], False, False),
+    ],
+)
+def test_how_a_scene_is_compiled_and_driven(
+    name: str, settings: list[str], long: bool, alone: bool
+) -> None:
+    scene = load_scene(CONFIGS / f"{name}.toml", settings)
+    assert (is_long(scene), suits_one_thread(scene)) == (long, alone)
