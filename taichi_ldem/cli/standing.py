@@ -15,15 +15,12 @@ import traceback
 from collections.abc import Iterator
 
 from taichi_ldem.cli.app import main
-from taichi_ldem.ensemble.standing import OTHER
+from taichi_ldem.ensemble.standing import OTHER, SIGNALLED
 from taichi_ldem.errors import ExitCode
 from taichi_ldem.scenarios.workbench import WORKBENCH, NeedsOtherKernels
 
 FAULT = "1"
 """The answer to an order that ended in an exception, as Python's exit code of a program."""
-
-SIGNALLED = 128
-"""Exit codes from here on mean that a signal has ended the command."""
 
 
 def serve() -> None:

@@ -27,7 +27,7 @@ OTHER = "other"
 LOST = 1
 """Exit code of an order whose process ended without an answer and without an error."""
 
-LAST = 128
+SIGNALLED = 128
 """Exit codes from here on mean that a signal has ended the command, and the process ends, too."""
 
 
@@ -39,28 +39,27 @@ class Standing:
 
     def order(self, arguments: Sequence[str], out: Path, err: Path) -> Ordered:
         """Have the arguments of ``ldem`` executed; what it prints is appended to two files."""
-        if self._process is None or self._process.poll() is not None:
-            self.close()
-            self._process = self._start(err)
+        process = self._process
+        if process is None or process.poll() is not None:
+            process = self.renew(err)
         line = json.dumps({"arguments": list(arguments), "out": str(out), "err": str(err)})
-        return Ordered(self, self._process, line.encode() + b"\n", err)
+        return Ordered(self, process, line.encode() + b"\n", err)
 
     def renew(self, err: Path) -> subprocess.Popen[bytes]:
-        """A new process in place of the present one."""
-        self.close()
-        self._process = self._start(err)
-        return self._process
+        """A new process in place of the present one, if there is one.
 
-    def _start(self, err: Path) -> subprocess.Popen[bytes]:
-        """Start a process in a group of its own, so that Ctrl-C in a terminal spares it."""
+        It has a group of its own, so that Ctrl-C in a terminal spares it.
+        """
+        self.close()
         with open(err, "ab") as errors:
-            return subprocess.Popen(
+            self._process = subprocess.Popen(
                 tied(SERVER),
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=errors,
                 start_new_session=True,
             )
+        return self._process
 
     def close(self) -> None:
         """End the process, which executes nothing."""
@@ -114,7 +113,7 @@ class Ordered:
             self.returncode = self._process.wait() or LOST
         else:
             self.returncode = int(answer)
-        if not 0 <= self.returncode < LAST or self.returncode == LOST:
+        if not 0 <= self.returncode < SIGNALLED or self.returncode == LOST:
             self._standing.close()  # it is about to end, and must not be given the next order
         return self.returncode
 

@@ -45,7 +45,7 @@ ELASTIC, PLATE_BEFORE, LOST = range(3)
 
 def driven_speed(scene: "Scene") -> float:
     """The largest speed that a striker, a load or grips give to nodes, m/s."""
-    speeds = [float(np.linalg.norm(striker.vector)) for striker in scene.strikers]
+    speeds = [striker.speed for striker in scene.strikers]
     speeds += [abs(load.value) for load in scene.loads if load.kind == "velocity"]
     if scene.grips is not None:
         speeds.append(abs(scene.grips.velocity))
