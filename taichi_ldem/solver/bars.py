@@ -5,8 +5,8 @@ lanes of a column are worked on at once. Damage is computed bar by bar, and only
 elastic force comes close to that at eps_p or a bit marks a bar as no longer elastic.
 
 Functions take the place of a column as a struct ``at`` with the integers ``k``, ``j``, ``m`` (the
-column) and, where bar scalars are stored, ``strip`` and ``row`` (of ``State.axial``). The struct
-``step`` holds the buffer ``now`` and the numbers of the step (see ``solver.step``).
+column) and, where bar scalars are stored, ``row`` (of ``State.axial``). The struct ``step`` holds
+ the buffer ``now`` and the numbers of the step (see ``solver.step``).
 """
 
 from typing import Any
@@ -232,11 +232,11 @@ class BarForces:
         for lane in range(self.state.lanes.width):
             if (lanes >> lane) & 1:
                 for bar in ti.static(range(self.state.cell.bars)):
-                    whole = self.state.axial[bar][at.strip, at.row, at.k, at.m][lane]
+                    whole = self.state.axial[bar][at.row, at.k, at.m][lane]
                     if self.may_soften(bar, whole, at, step, lane):
                         strain = self.strain(self.twice_green_strain(bar, at, step, lane))
                         share = self.updated_integrity(bar, strain, at, step, lane)
-                        self.state.axial[bar][at.strip, at.row, at.k, at.m][lane] = share * whole
+                        self.state.axial[bar][at.row, at.k, at.m][lane] = share * whole
 
     @ti.func
     def may_soften(self, bar: ti.template(), force, at: ti.template(), step: ti.template(), lane):
@@ -305,7 +305,7 @@ class BarForces:
         # all arithmetic before the first store: after it the compiler reloads every address
         for bar in ti.static(range(self.state.cell.bars)):
             for lane in ti.static(range(self.state.lanes.width)):
-                self.state.axial[bar][at.strip, at.row, k, m][lane] = force[bar, lane]
+                self.state.axial[bar][at.row, k, m][lane] = force[bar, lane]
         if ti.static(self.state.features.history):
             inelastic = self.state.touched[k, j, m] != 0
             for lane in ti.static(range(self.state.lanes.width)):

@@ -184,7 +184,7 @@ one that makes the place of a row a bit mask."""
 
 STRIPS_PER_THREAD = 2
 ROWS_PER_STRIP = 4
-"""Fewest rows of a strip: two more are evaluated by both neighbours."""
+"""Fewest rows of a strip, two of which lie at its borders."""
 
 PIECE = 16
 """Columns of a row that one thread of a GPU sums up."""
@@ -259,8 +259,10 @@ class Layout:
 
     @property
     def bar_rows(self) -> int:
-        """Rows of bar scalars: a ring for each strip and one of zeros, or all rows."""
-        return RING + 1 if self.in_strips else self.sites[1]
+        """Rows of bar scalars: a ring for each strip, one of zeros, two for each border, or all."""
+        if not self.in_strips:
+            return self.sites[1]
+        return RING * self.strips + 1 + 2 * (self.strips - 1)
 
     @property
     def piece(self) -> int:
@@ -363,7 +365,7 @@ def _buffers(layout: Layout) -> tuple[int, ...]:
 
 def _bar_rows(layout: Layout) -> tuple[int, ...]:
     nz, _, columns = layout.shape
-    return layout.strips, layout.bar_rows, nz, columns
+    return layout.bar_rows, nz, columns
 
 
 def _strip_rows(layout: Layout) -> tuple[int, ...]:

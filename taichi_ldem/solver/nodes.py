@@ -64,7 +64,7 @@ class NodeUpdate:
         a u', of a and of a X are computed separately, each in pairs.
         """
         a = [
-            self.state.axial[bar][at.strip, rows[home[1] + 1], at.k + home[0], at.m + home[2]]
+            self.state.axial[bar][rows[home[1] + 1], at.k + home[0], at.m + home[2]]
             for bar, home in ti.static(self.state.cell.scalars[s])
         ]
         u = [

@@ -1,8 +1,9 @@
 """Drivers of the step: both passes over all columns, in strips of rows (CPU) or in launches (GPU).
 
 On the CPU a thread takes a strip of rows and alternates between the passes row by row, so that the
-bar scalars never leave its cache; the two rows at the borders of a strip are evaluated by both
-neighbours, with the same result. On a GPU each pass is a launch over all columns.
+bar scalars never leave its cache. The two rows of bars at a border of strips serve the nodes on both
+sides of it. They are evaluated first, before any node has moved. On a GPU each pass is a launch over
+all columns.
 
 A small plate is done sooner than threads are woken. One thread then takes many steps in one launch,
 each with its contact (``Layout.alone``).
@@ -107,23 +108,43 @@ class Step:
     # -- in strips ---------------------------------------------------------------------------------
 
     @ti.func
-    def bar_row(self, j):
-        """Row of the bar scalars for the sites at j; the scalars of ghost rows are always zero."""
-        row = j
-        if ti.static(self.state.in_strips):
-            row = j % RING
-            if j == 0 or j == ti.static(self.state.sites[1] - 1):
-                row = RING
+    def first_row(self, strip):
+        """The first row of sites of a strip; that of the strip after the last is a ghost row."""
+        inner, strips = ti.static(self.state.sites[1] - 2, self.state.layout.strips)
+        return 1 + inner * strip // strips
+
+    @ti.func
+    def bar_row(self, strip, j):
+        """Row of the bar scalars for the sites at j, as a strip finds them.
+
+        The scalars of ghost rows are always zero. Those beside a border belong to both strips.
+        """
+        strips, ghost = ti.static(self.state.layout.strips, self.state.sites[1] - 1)
+        zeros = ti.static(RING * strips)
+        row = RING * strip + j % RING
+        if j == 0 or j == ghost:
+            row = zeros
+        if ti.static(strips > 1):
+            begin, end = self.first_row(strip), self.first_row(strip + 1)
+            if 0 < j <= begin and strip > 0:
+                row = zeros + 2 * strip + j - begin
+            elif end - 1 <= j < ghost and strip < strips - 1:
+                row = zeros + 2 * (strip + 1) + j - end
         return row
 
     @ti.func
-    def force_row(self, strip, j, step: ti.template()):
+    def force_row(self, row, j, step: ti.template()):
         """Pass 1 for a row of sites."""
-        if 0 < j < ti.static(self.state.sites[1] - 1):
-            row = self.bar_row(j)
-            for k in range(1, self.state.sites[0] - 1):
-                for m in range(HALO - 1, HALO + self.state.lanes.length + 1):
-                    self.forces(ti.Struct(strip=strip, row=row, k=k, j=j, m=m), step)
+        for k in range(1, self.state.sites[0] - 1):
+            for m in range(HALO - 1, HALO + self.state.lanes.length + 1):
+                self.forces(ti.Struct(row=row, k=k, j=j, m=m), step)
+
+    @ti.func
+    def border_row(self, n, step: ti.template()):
+        """Pass 1 for one of the rows at the borders of strips: two for each border."""
+        strip = n // 2 + 1
+        j = self.first_row(strip) - 1 + n % 2
+        self.force_row(self.bar_row(strip, j), j, step)
 
     @ti.func
     def node_row(self, strip, j, step: ti.template(), measure):
@@ -132,7 +153,7 @@ class Step:
             for k in range(1, self.state.sites[0] - 1):
                 for m in range(HALO, HALO + self.state.lanes.length):
                     self.nodes.store_velocities(strip, k, j, m)
-        rows = ti.Vector([self.bar_row(j + offset) for offset in ti.static((-1, 0, 1))])
+        rows = ti.Vector([self.bar_row(strip, j + offset) for offset in ti.static((-1, 0, 1))])
         for k in range(1, self.state.sites[0] - 1):
             for m in range(HALO, HALO + self.state.lanes.length):
                 at = ti.Struct(strip=strip, k=k, j=j, m=m)
@@ -148,15 +169,22 @@ class Step:
     @ti.func
     def strip_step(self, strip, step: ti.template(), measure):
         """Both passes for a strip of rows, a row of bars ahead of the nodes."""
-        inner, strips = ti.static(self.state.sites[1] - 2, self.state.layout.strips)
-        begin, end = 1 + inner * strip // strips, 1 + inner * (strip + 1) // strips
+        own = ti.static(RING * self.state.layout.strips)
+        begin, end = self.first_row(strip), self.first_row(strip + 1)
         for j in range(begin - 1, end + 1):
-            self.force_row(strip, j, step)
+            row = self.bar_row(strip, j)
+            if row < own:
+                self.force_row(row, j, step)
             if j > begin:
                 self.node_row(strip, j - 1, step, measure)
 
     @ti.kernel
     def _in_strips(self, now: int, numbers: StepNumbers, measure: int):
+        if ti.static(self.state.layout.strips > 1):
+            for turn in range(2 * (self.state.layout.strips - 1) * TURNS):
+                if turn % TURNS == 0:
+                    step = self.rounded(now, numbers)
+                    self.border_row(turn // TURNS, step)
         for turn in range(self.state.layout.strips * TURNS):
             if turn % TURNS == 0:
                 step = self.rounded(now, numbers)
@@ -165,8 +193,7 @@ class Step:
     @ti.func
     def part_in_strip(self, part: ti.template(), begin: ti.template(), strip, step: ti.template()):
         """A part of the pass before pass 1 for the rows that a strip owns."""
-        inner, strips = ti.static(self.state.sites[1] - 2, self.state.layout.strips)
-        for j in range(1 + inner * strip // strips, 1 + inner * (strip + 1) // strips):
+        for j in range(self.first_row(strip), self.first_row(strip + 1)):
             for k in range(1, self.state.sites[0] - 1):
                 end = ti.static(HALO + self.state.lanes.length)
                 if ti.static(part == self.volumes.weaken):
@@ -230,7 +257,7 @@ class Step:
                 part(ti.Struct(k=k, j=j, m=m), self.rounded(now, numbers))
         for j, k, m in ti.ndrange((1, ny - 1), (1, nz - 1), (begin - 1, end + 1)):
             step = self.rounded(now, numbers)
-            self.forces(ti.Struct(strip=0, row=j, k=k, j=j, m=m), step)
+            self.forces(ti.Struct(row=j, k=k, j=j, m=m), step)
         if ti.static(measure):
             for j, k, piece in ti.ndrange((1, ny - 1), (1, nz - 1), pieces):
                 step = self.rounded(now, numbers)

@@ -213,7 +213,7 @@ class ModuleVolumes:
         for n in ti.static(range(9)):
             for lane in ti.static(range(self.state.lanes.width)):
                 stored = ti.static(self.state.swelling[n // 3][n % 3])
-                stored[at.strip, at.row, at.k, at.m][lane] = force[n, lane]
+                stored[at.row, at.k, at.m][lane] = force[n, lane]
 
     @ti.func
     def force(self, axis: ti.template(), rows, at: ti.template()):
@@ -225,7 +225,7 @@ class ModuleVolumes:
                 # the node is the corner on the module's other side
                 sign = ti.static(2 * (dx, dy, dz)[j] - 1)
                 stored = ti.static(self.state.swelling[axis][j])
-                total += sign * stored[at.strip, row, at.k + dz - 1, at.m + dx - 1]
+                total += sign * stored[row, at.k + dz - 1, at.m + dx - 1]
         return total
 
     @ti.func

@@ -18,16 +18,16 @@ class BarForces:
     @ti.kernel
     def row(self, j: int, now: int, spacing: float, peak: float, values: ti.types.ndarray()):
         """Copy the scalars of a row of sites into (S, 14) values."""
-        row = self.dynamics.driver.bar_row(j)
+        row = self.dynamics.driver.bar_row(0, j)
         for k in range(1, self.dynamics.sites[0] - 1):
             for m in range(HALO, HALO + self.dynamics.lanes.length):
-                at = ti.Struct(strip=0, row=row, k=k, j=j, m=m)
+                at = ti.Struct(row=row, k=k, j=j, m=m)
                 step = ti.Struct(now=now, spacing=spacing, peak_strain=peak)
                 self.dynamics.bars.column_forces(at, step)
                 for lane in ti.static(range(self.dynamics.lanes.width)):
                     site = self.dynamics.site_of(m, lane)
                     for bar in ti.static(range(self.dynamics.cell.bars)):
-                        values[k, j, site, bar] = self.dynamics.axial[bar][0, row, k, m][lane]
+                        values[k, j, site, bar] = self.dynamics.axial[bar][row, k, m][lane]
 
     def read(self, now: int) -> np.ndarray:
         """(S, 14) axial force over current length, N/m."""
