@@ -4,6 +4,14 @@ A bar is evaluated once; what is stored is one scalar, its axial force over its 
 lanes of a column are worked on at once. Damage is computed bar by bar, and only in lanes where the
 elastic force comes close to that at eps_p or a bit marks a bar as no longer elastic.
 
+Central differences let the force F of a bar change on a straight line within a step, so over a
+change D of its length they count the energy (F_before + F_now) D / 2. That is exact while the law
+is a straight line. Where it bends within a step (at eps_p, where a bar fails, where it is stretched
+beyond its peak strain again, where a damaged one closes), energy would appear or vanish, and on
+average always in the same direction. What is missing is given back at once, by a force in this step
+that does just this work (``kink_force``): the energy decides over the force, as in a discrete
+gradient (Gonzalez 1996).
+
 Functions take the place of a column as a struct ``at`` with the integers ``k``, ``j``, ``m`` (the
 column) and, where bar scalars are stored, ``row`` (of ``State.axial``). The struct ``step`` holds
  the buffer ``now`` and the numbers of the step (see ``solver.step``).
@@ -13,6 +21,7 @@ from typing import Any
 
 import taichi as ti
 
+from taichi_ldem.solver.access import NodeAccess
 from taichi_ldem.solver.state import State
 
 ALL = None
@@ -34,8 +43,8 @@ def _every(lane: Any) -> bool:
 class BarForces:
     """Stiffness, strain, damage and force of bars, from the fields of a lattice."""
 
-    def __init__(self, state: State):
-        self.state = state
+    def __init__(self, state: State, access: NodeAccess):
+        self.state, self.access = state, access
 
     # -- a bar's own properties --------------------------------------------------------------------
 
@@ -187,7 +196,7 @@ class BarForces:
         """
         family = ti.static(self.state.cell.family[bar])
         failure, parameter = self.state.softening[family][0], self.state.softening[family][1]
-        share = 1.0
+        share = 1 + 0 * peak  # of the same precision
         if self.has_failed(bar, peak):
             share = 0.0
             if ti.static(self.state.features.closing):
@@ -202,7 +211,7 @@ class BarForces:
         """Energy that a bar has dissipated at a peak strain, in units of EA eps_p^2 L0."""
         family = ti.static(self.state.cell.family[bar])
         failure, parameter = self.state.softening[family][0], self.state.softening[family][1]
-        energy = 0.0
+        energy = 0 * peak  # of the same precision
         if peak >= failure:
             energy = 0.5
             if failure > 1:
@@ -235,8 +244,14 @@ class BarForces:
                     whole = self.state.axial[bar][at.row, at.k, at.m][lane]
                     if self.may_soften(bar, whole, at, step, lane):
                         strain = self.strain(self.twice_green_strain(bar, at, step, lane))
+                        before = 0.0
+                        if ti.static(self.state.features.damage):
+                            before = self.state.peak[bar][at.k, at.j, at.m][lane]
                         share = self.updated_integrity(bar, strain, at, step, lane)
-                        self.state.axial[bar][at.row, at.k, at.m][lane] = share * whole
+                        force = share * whole
+                        if ti.static(self.state.features.damage):
+                            force += self.kink_force(bar, strain, before, at, step, lane)
+                        self.state.axial[bar][at.row, at.k, at.m][lane] = force
 
     @ti.func
     def may_soften(self, bar: ti.template(), force, at: ti.template(), step: ti.template(), lane):
@@ -276,6 +291,106 @@ class BarForces:
                     self.state.touched[k, j, m] = ti.cast(bits, ti.u8)
                 share = self.integrity(bar, strain, peak)
         return share
+
+    # -- steps in which the law bends --------------------------------------------------------------
+
+    @ti.func
+    def last_stretching(
+        self, bar: ti.template(), strain, at: ti.template(), step: ti.template(), lane
+    ):
+        """Strain of a bar at the step less that one step before, from the velocities between.
+
+        No node may have been moved in this step yet.
+        """
+        k, j, i = at.k, at.j, self.access.site_of(at.m, lane)
+        first, second = ti.static(self.state.cell.ends[bar])
+        a, b = ti.static(first[1], second[1])
+        along, square = 0.0, 0.0
+        for axis in ti.static(range(3)):
+            far = ti.static(self.state.velocity[second[0]][axis])
+            near = ti.static(self.state.velocity[first[0]][axis])
+            v = self.access.value(far, k + b[0], j + b[1], i + b[2])
+            v -= self.access.value(near, k + a[0], j + a[1], i + a[2])
+            x = step.spacing * ti.static(float(self.state.cell.vectors[bar][axis]))
+            if ti.static(self.state.features.perturbed):
+                x = step.spacing * self.perturbed_vector(bar, axis, at, lane)
+            x += self.relative_displacement(bar, axis, at, step, lane)
+            along += x * v
+            square += x * x
+        return step.drift * along * (1 + strain) / square
+
+    @ti.func
+    def energy(self, bar: ti.template(), strain, peak, own):
+        """Energy that a bar stores and has dissipated over EA L0, f64.
+
+        Args:
+            peak: peak strain over its eps_p; own: its eps_p.
+        """
+        e, p = ti.cast(strain, ti.f64), ti.cast(peak, ti.f64)
+        return 0.5 * self.integrity(bar, e, p) * e * e + self.dissipated(bar, p) * own * own
+
+    @ti.func
+    def kink_force(
+        self, bar: ti.template(), strain, before, at: ti.template(), step: ti.template(), lane
+    ):
+        """The force over current length that makes up for a bend of the law in the last step, N/m.
+
+        Let D be the last change of the bar's length and M the energy that (F_before + F_now) D / 2
+        leaves out. An additional force C in this step does the work C (D + D') / 2, where D' is the
+        next change. Without C, the ends would go on by D and by what the bar has lost of its pull;
+        C itself shortens D' by S C, with S = dt^2 (1 / m_1 + 1 / m_2). So
+
+            C (W - S C / 2) = M,    W = D + S (loss of pull) / 2,
+
+        of which the smaller root is taken. At most the energy W^2 / (2 S) can be had in this way.
+        In the code, forces are over EA, and lengths over L0.
+
+        Args:
+            before: peak strain over eps_p one step before.
+        """
+        force = 0.0
+        after = self.state.peak[bar][at.k, at.j, at.m][lane]
+        bends = after > 1
+        if ti.static(self.state.features.crack):
+            bends |= after < 0
+        if ti.static(not self.state.features.closing):
+            bends &= not self.has_failed(bar, before)
+        if bends:
+            own = self.peak_strain(bar, at, lane, step.peak_strain)
+            change = ti.cast(self.last_stretching(bar, strain, at, step, lane), ti.f64)
+            old = strain - change
+            was, share = self.integrity(bar, old, before), self.integrity(bar, strain, after)
+            if was != share:
+                missing = self.energy(bar, strain, after, own) - self.energy(bar, old, before, own)
+                missing -= 0.5 * (was * old + share * strain) * change
+                stiffness = self.stiffness(bar, at, lane)
+                soft = ti.cast(stiffness * self.mobility(bar, at, lane), ti.f64)
+                soft *= step.kick * step.drift
+                way = change + 0.5 * soft * (was - share) * strain
+                force = stiffness / (1 + strain) * ti.cast(self.root(way, soft, missing), float)
+        return force
+
+    @ti.func
+    def root(self, way, soft, missing):
+        """The smaller C of C (way - soft C / 2) = missing, or of the closest that C can reach."""
+        most = way * way / (2 * soft)
+        energy = ti.max(-most, ti.min(most, missing))
+        size = ti.abs(way) + ti.sqrt(ti.max(way * way - 2 * soft * energy, 0.0))
+        result = 0 * way
+        if size > 0:
+            result = 2 * energy / size
+            if way < 0:
+                result = -result
+        return result
+
+    @ti.func
+    def mobility(self, bar: ti.template(), at: ti.template(), lane):
+        """Sum of the inverse masses of a bar's ends, 1/kg."""
+        total, i = 0.0, self.access.site_of(at.m, lane)
+        for end in ti.static(range(2)):
+            s, o = ti.static(self.state.cell.ends[bar][end])
+            total += 1 / self.access.mass(s, at.k + o[0], at.j + o[1], i + o[2])
+        return total
 
     # -- the pass ----------------------------------------------------------------------------------
 

@@ -13,10 +13,11 @@ import taichi as ti
 from taichi_ldem.model.cell import CENTRE, CORNER
 from taichi_ldem.model.lattice import Lattice
 from taichi_ldem.model.material import Bars
+from taichi_ldem.solver.access import NodeAccess
 from taichi_ldem.solver.bars import BarForces
 from taichi_ldem.solver.exchange import Exchange
 from taichi_ldem.solver.fields import Features
-from taichi_ldem.solver.nodes import NodeAccess, NodeUpdate
+from taichi_ldem.solver.nodes import NodeUpdate
 from taichi_ldem.solver.state import State, field_apart, field_bytes, numpy_float
 from taichi_ldem.solver.step import Step
 from taichi_ldem.solver.tips import CrackTips
@@ -58,10 +59,10 @@ class Dynamics(State):
         super().__init__(lattice, features, in_strips, alone)
         self.set_bars(bars)
         self.set_density(density)
-        self.bars = BarForces(self)
+        self.access = NodeAccess(self)
+        self.bars = BarForces(self, self.access)
         self.volumes = ModuleVolumes(self, self.bars)
         self.nodes = NodeUpdate(self, self.volumes)
-        self.access = NodeAccess(self)
         self.tips = CrackTips(self, self.bars, self.access)
         self.driver = Step(self, self.bars, self.nodes, self.tips)
         self.exchange = Exchange(self, self.bars, self.access, self.driver)

@@ -4,9 +4,9 @@ import numpy as np
 import numpy.typing as npt
 import taichi as ti
 
+from taichi_ldem.solver.access import NodeAccess
 from taichi_ldem.solver.bars import BarForces
 from taichi_ldem.solver.lanes import HALO
-from taichi_ldem.solver.nodes import NodeAccess
 from taichi_ldem.solver.state import State
 from taichi_ldem.solver.step import Step
 

@@ -23,9 +23,9 @@ import math
 import taichi as ti
 
 from taichi_ldem.scene.equations import QUARTER
+from taichi_ldem.solver.access import NodeAccess
 from taichi_ldem.solver.bars import BarForces
 from taichi_ldem.solver.lanes import HALO
-from taichi_ldem.solver.nodes import NodeAccess
 from taichi_ldem.solver.state import State
 
 PASSED = 4 * math.pi
@@ -112,34 +112,6 @@ class CrackTips:
             length /= ti.sqrt(self.bars.square_of_length_ratio(bar, at, lane))
         return length
 
-    @ti.func
-    def last_stretching(self, bar: ti.template(), at: ti.template(), step: ti.template(), lane):
-        """Strain of a bar at the step less that one step before, from the velocities between."""
-        k, j, m = at.k, at.j, at.m
-        first, second = ti.static(self.state.cell.ends[bar])
-        a, b = ti.static(first[1], second[1])
-        along, square = 0.0, 0.0
-        for axis in ti.static(range(3)):
-            far = ti.static(self.state.velocity[second[0]][axis])
-            near = ti.static(self.state.velocity[first[0]][axis])
-            i = self.access.site_of(m, lane)
-            v = self.at_site(far, k + b[0], j + b[1], i + b[2])
-            v -= self.at_site(near, k + a[0], j + a[1], i + a[2])
-            x = step.spacing * ti.static(float(self.state.cell.vectors[bar][axis]))
-            if ti.static(self.state.features.perturbed):
-                x = step.spacing * self.bars.perturbed_vector(bar, axis, at, lane)
-            x += self.bars.relative_displacement(bar, axis, at, step, lane)
-            along += x * v
-            square += x * x
-        ratio = 1 + self.strain(bar, at, step, lane)
-        return step.drift * along * ratio / square
-
-    @ti.func
-    def at_site(self, field: ti.template(), k, j, i):
-        """Value of a field of columns at a site."""
-        m, lane = self.access.column_of(i)
-        return field[k, j, m][lane]
-
     # -- bars at tips ------------------------------------------------------------------------------
 
     @ti.func
@@ -205,7 +177,7 @@ class CrackTips:
                     enough &= whole > 0
                 if enough and ratio <= PASSED:
                     # in the step that ends here the force has fallen to zero already
-                    lost = strain - self.last_stretching(bar, at, step, lane)
+                    lost = strain - self.bars.last_stretching(bar, strain, at, step, lane)
                     released = self.bars.dissipated(bar, peak) + 0.5 * force * lost / (own * own)
                     self.set_failed(bar, at, lane, released)
 
