@@ -21,6 +21,7 @@ from taichi_ldem.scene.checks_of_strikers import (
 )
 from taichi_ldem.scene.equations import FAMILY_NAMES, QUARTER, Bars, bar_families
 from taichi_ldem.scene.load_rules import check_loads, check_probes, check_start
+from taichi_ldem.scene.tables import SAFETY, SAFETY_OF_PIECES
 from taichi_ldem.scene.values import refuse
 from taichi_ldem.scene.weibull import strength_by_volume
 
@@ -88,7 +89,7 @@ def with_defaults(data: Any) -> Any:
         given = data.get(table, {})
         if isinstance(given, Mapping):
             data = {**data, table: {**values, **given}}
-    return _with_stiffness(data)
+    return _with_safety(_with_stiffness(data))
 
 
 def _with_stiffness(data: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -105,6 +106,22 @@ def _with_stiffness(data: Mapping[str, Any]) -> Mapping[str, Any]:
 def default_stiffness(poisson_ratio: float) -> str:
     """``plate.stiffness`` where a scene does not name it."""
     return "equation-2" if poisson_ratio == QUARTER else "volumetric"
+
+
+def _with_safety(data: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Tables with the share of the critical time step that suits pieces that touch."""
+    contact, solver = data.get("contact"), data.get("solver")
+    if not isinstance(contact, Mapping) or not isinstance(solver, Mapping):
+        return data
+    if "safety" in solver or contact.get("fragments") is not True:
+        return data
+    return {**data, "solver": {**solver, "safety": SAFETY_OF_PIECES}}
+
+
+def default_safety(scene: Scene) -> float:
+    """``solver.safety`` where a scene does not name it."""
+    pieces = scene.contact is not None and scene.contact.fragments
+    return SAFETY_OF_PIECES if pieces else SAFETY
 
 
 def _check_scenario(scene: Scene) -> None:

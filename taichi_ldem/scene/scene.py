@@ -102,6 +102,8 @@ class Scene(Table, metaclass=_OneLine):
             del data["grips"]["gauge_length"]
         if self.plate.stiffness == checks.default_stiffness(self.material.poisson_ratio):
             del data["plate"]["stiffness"]
+        if self.solver.safety == checks.default_safety(self):
+            del data["solver"]["safety"]
         return _overridden(data, "scene", overrides)
 
     @property

@@ -317,7 +317,8 @@ class BarForces:
             x += self.relative_displacement(bar, axis, at, step, lane)
             along += x * v
             square += x * x
-        return step.drift * along * (1 + strain) / square
+        least = ti.static(TINY * self.state.cell.length_squared[bar]) * step.spacing * step.spacing
+        return step.drift * along * (1 + strain) / ti.max(square, least)
 
     @ti.func
     def energy(self, bar: ti.template(), strain, peak, own):
@@ -350,12 +351,10 @@ class BarForces:
         """
         force = 0.0
         after = self.state.peak[bar][at.k, at.j, at.m][lane]
-        bends = after > 1
-        if ti.static(self.state.features.crack):
-            bends |= after < 0
-        if ti.static(not self.state.features.closing):
-            bends &= not self.has_failed(bar, before)
-        if bends:
+        # debris that closes and opens again would gain energy from what other bars do to D'
+        bends = after > 1 and not self.has_failed(bar, before)
+        stiffness = self.stiffness(bar, at, lane)
+        if bends and stiffness > 0:
             own = self.peak_strain(bar, at, lane, step.peak_strain)
             change = ti.cast(self.last_stretching(bar, strain, at, step, lane), ti.f64)
             old = strain - change
@@ -363,11 +362,11 @@ class BarForces:
             if was != share:
                 missing = self.energy(bar, strain, after, own) - self.energy(bar, old, before, own)
                 missing -= 0.5 * (was * old + share * strain) * change
-                stiffness = self.stiffness(bar, at, lane)
                 soft = ti.cast(stiffness * self.mobility(bar, at, lane), ti.f64)
                 soft *= step.kick * step.drift
                 way = change + 0.5 * soft * (was - share) * strain
-                force = stiffness / (1 + strain) * ti.cast(self.root(way, soft, missing), float)
+                force = stiffness * ti.cast(self.root(way, soft, missing), float)
+                force /= ti.max(1 + strain, ti.static(TINY**0.5))
         return force
 
     @ti.func

@@ -16,25 +16,35 @@ class BarForces:
         self.dynamics = dynamics
 
     @ti.kernel
-    def row(self, j: int, now: int, spacing: float, peak: float, values: ti.types.ndarray()):
+    def row(
+        self,
+        j: int,
+        now: int,
+        spacing: float,
+        time_step: float,
+        peak: float,
+        values: ti.types.ndarray(),
+    ):
         """Copy the scalars of a row of sites into (S, 14) values."""
         row = self.dynamics.driver.bar_row(0, j)
         for k in range(1, self.dynamics.sites[0] - 1):
             for m in range(HALO, HALO + self.dynamics.lanes.length):
                 at = ti.Struct(row=row, k=k, j=j, m=m)
-                step = ti.Struct(now=now, spacing=spacing, peak_strain=peak)
+                step = ti.Struct(
+                    now=now, spacing=spacing, kick=time_step, drift=time_step, peak_strain=peak
+                )
                 self.dynamics.bars.column_forces(at, step)
                 for lane in ti.static(range(self.dynamics.lanes.width)):
                     site = self.dynamics.site_of(m, lane)
                     for bar in ti.static(range(self.dynamics.cell.bars)):
                         values[k, j, site, bar] = self.dynamics.axial[bar][row, k, m][lane]
 
-    def read(self, now: int) -> np.ndarray:
-        """(S, 14) axial force over current length, N/m."""
+    def read(self, now: int, time_step: float = 0.0) -> np.ndarray:
+        """(S, 14) axial force over current length, N/m, after a step that took so long."""
         d = self.dynamics
         values = np.zeros((*d.sites, d.cell.bars))
         for j in range(1, d.sites[1] - 1):
-            self.row(j, now, d.lattice.spacing, d.peak_strain, values)
+            self.row(j, now, d.lattice.spacing, time_step, d.peak_strain, values)
         return values
 
 

@@ -83,13 +83,13 @@ class Breakable:
         self.dynamics.set_displacement(0, self.body.spread(displacement))
         self.dynamics.get_acceleration(0)
 
-    def pulls(self) -> np.ndarray:
-        """(bars,) axial forces over current length, N/m."""
-        return self.body.bar_values(self.axial(), self.dynamics.lattice.bar_midpoints)
+    def pulls(self, time_step: float = 0.0) -> np.ndarray:
+        """(bars,) axial forces over current length, N/m, after a step that took so long."""
+        return self.body.bar_values(self.axial(time_step), self.dynamics.lattice.bar_midpoints)
 
-    def axial(self) -> np.ndarray:
+    def axial(self, time_step: float = 0.0) -> np.ndarray:
         """(S, 14) axial forces over current length in the program's layout, N/m."""
-        return self.bar_forces.read(0)
+        return self.bar_forces.read(0, time_step)
 
     def node_forces(self) -> np.ndarray:
         """(nodes, 3) N."""

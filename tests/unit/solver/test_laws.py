@@ -65,6 +65,46 @@ def test_one_bar_loaded_unloaded_reloaded_compressed_and_broken(
         assert force == pytest.approx(expected, rel=1e-11, abs=1e-12 * whole * EPS_P)
 
 
+@pytest.mark.parametrize(
+    ("start", "end"), [(0.9, 1.1), (0.7, 1.6), (1.5, 1.9), (2.0, 9.0), (0.5, 9.0)]
+)
+def test_a_step_in_which_the_law_bends_does_the_work_of_the_bar(
+    breakable: Breakable, start: float, end: float
+) -> None:
+    """The force of such a step, bar by bar, against the area under the law.
+
+    A uniform dilatation takes all bars from one strain (in eps_p) to another; the first was the
+    largest so far, or followed 1.7 for the third pair, which is stretched beyond it again.
+    """
+    block, time_step = breakable.renew(), 4e-8
+    body, everywhere = block.body, np.ones(len(block.body.ends))
+    peak = 1.7 if start == 1.5 else start
+    block.put(EPS_P * peak * body.positions)
+    block.put(EPS_P * start * body.positions)
+    rate = EPS_P * (end - start) / time_step
+    block.dynamics.set_velocity(body.spread(rate * body.positions))
+    block.dynamics.set_displacement(0, body.spread(EPS_P * end * body.positions))
+    found = block.pulls(time_step) * (1 + EPS_P * end)  # times L0: forces
+    block.dynamics.set_velocity(body.spread(0 * body.positions))
+
+    path = np.linspace(start, end, 4001)
+    law = np.array([_integrity(block, e * everywhere, max(e, peak) * everywhere) for e in path])
+    forces = law * path[:, None]
+    change = end - start
+    area = np.sum(0.5 * (forces[1:] + forces[:-1]), axis=0) * (path[1] - path[0])
+    missing = area - 0.5 * (forces[0] + forces[-1]) * change
+    families = block.bars.longitudinal, block.bars.diagonal
+    stiffness = body.weights * body.per_bar(*(f.axial_stiffness / f.length for f in families))
+    mass = PMMA["density"] * block.spacing**3 * body.mass_shares
+    soft = time_step**2 * stiffness * (1 / mass[body.ends]).sum(axis=1)
+    way = change + 0.5 * soft * (law[0] - law[-1]) * end
+    least = np.minimum(missing, way**2 / (2 * soft))
+    extra = (way - np.sqrt(way**2 - 2 * soft * least)) / soft
+    expected = stiffness * EPS_P * (forces[-1] + extra)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=2e-4 * (stiffness * EPS_P).max())
+    assert np.abs(extra).max() > 0.02  # it is no small correction
+
+
 def test_a_failed_bar_that_closes_carries_compression_and_no_tension(taichi: None) -> None:
     """Forces bar by bar, and the work of the nodes against the change of the ledger's energies."""
     block = Breakable("bilinear", closing=True)
