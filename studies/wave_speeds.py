@@ -97,7 +97,7 @@ def cube(modules: int, poisson_ratio: float = 0.25) -> Scene:
                 "stiffness": "equation-2",
             },
             "material": material | {"damage": False},
-            "solver": {"duration": 1e-3},
+            "solver": {"duration": 1e-3, "safety": 0.5},
         }
     )
 

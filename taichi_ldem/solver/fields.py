@@ -275,7 +275,7 @@ class Layout:
         return -(-self.lanes.length // self.piece)
 
 
-LONG = 1e11
+LONG = 8e10
 """Bars times steps of a run from which on a faster step pays for a longer compilation: ten minutes
 or more on two cores."""
 

@@ -2,8 +2,8 @@
 
 On the CPU a thread takes a strip of rows and alternates between the passes row by row, so that the
 bar scalars never leave its cache. The two rows of bars at a border of strips serve the nodes on
-both sides of it. They are evaluated first, before any node has moved. On a GPU each pass is a launch
-over all columns.
+both sides of it. They are evaluated first, before any node has moved. On a GPU each pass is a
+launch over all columns.
 
 A small plate is done sooner than threads are woken. One thread then takes many steps in one launch,
 each with its contact (``Layout.alone``).

@@ -5,9 +5,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from support.blocks import DAMAGE, PMMA, SPACING, block_scene
+from support.paths import ROOT
 from support.reference import Body
 
 from taichi_ldem.model.material import check
+from taichi_ldem.scene import load_scene
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.dynamics import Dynamics
@@ -57,9 +59,8 @@ def test_momenta_and_energy_of_a_cracking_body(flight: "tuple[Simulation, Body]"
     assert removed == 3 * 4 + 2 * 3 + 24  # edges up to y = 0, centre bars, diagonals
     assert 0.1 * len(body.ends) < sample.broken_bars < len(body.ends) - removed
     assert sample.ledger.fracture > 0.05 * start.ledger.stored
-    # a sudden failure leaves an error of the order of the step
-
-    assert sample.energy_error < 0.02
+    # of bars that fail together at a node
+    assert sample.energy_error < 5e-3
 
 
 def removed_bits(dynamics: "Dynamics") -> np.ndarray:
@@ -93,3 +94,17 @@ def test_bars_of_a_notch_carry_nothing_and_are_not_broken(
     assert fracture == pytest.approx(costs[~removed].sum(), rel=1e-12)
     _, reported = dynamics.new_broken()
     assert len(reported) == broken
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("safety", "most"), [(0.5, 0.002), (0.9, 0.005)])
+def test_a_struck_plate_that_cracks_keeps_its_energy(
+    taichi: None, safety: float, most: float
+) -> None:
+    """Without the forces at bends of the law, the errors are 0.41 and 1.41 %."""
+    from taichi_ldem.solver.simulation import Simulation
+
+    scene = load_scene(ROOT / "tests/scenes/cracking.toml", [f"solver.safety={safety}"])
+    *_, last = Simulation(scene).samples()
+    assert last.broken_bars > 1000
+    assert last.energy_error_of_plate < most

@@ -22,7 +22,7 @@ SCENE = parse_scene_text(GOOD, "x")
         ("mass = 18.49", "mass = 18.490"),
         ("duration = 0.010", "duration = 1e-2\nthreads = 1"),
         ("duration = 0.010", "duration = 1e-2\n[output]\ncheckpoint_interval = 0"),
-        ("duration = 0.010", "duration = 1e-2\nsafety = 0.5"),  # a default, spelt out
+        ("duration = 0.010", "duration = 1e-2\nsafety = 0.9"),  # a default, spelt out
         ("mass = 18.49", "position = [-0.0, 0]\nmass = 18.49"),
         (
             "[striker]\ndiameter = 0.0127\nmass = 18.49",
