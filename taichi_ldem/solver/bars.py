@@ -351,8 +351,8 @@ class BarForces:
         """
         force = 0.0
         after = self.state.peak[bar][at.k, at.j, at.m][lane]
-        # failed bars that close and open again are left out: as debris under a striker, which is held
-        # and pushed by much else at the same time, they would gain energy
+        # failed bars that close and open again are left out: as debris under a striker, which is
+        # held and pushed by much else at the same time, they would gain energy
         bends = after > 1 and not self.has_failed(bar, before)
         stiffness = self.stiffness(bar, at, lane)
         if bends and stiffness > 0:
