@@ -64,7 +64,7 @@ def scene_of(name: str, folder: Path) -> Scene:
     if name in ("png", "npy", "stl"):
         pytest.importorskip("trimesh" if name == "stl" else "PIL")
         plate[plate["shape"]] = _files(folder)[name]
-    striker = {"diameter": 2e-3, "mass": 1e-3, "velocity": 12.0} | given.get("striker", {})
+    striker = {"diameter": 2e-3, "mass": 1e-3, "velocity": 40.0} | given.get("striker", {})
     more = {key: value for key, value in given.items() if key in ("hole", "notch")}
     solver = {"duration": 2e-5, "safety": 0.5, "threads": 1}
     output = {"history_interval": 5e-7}

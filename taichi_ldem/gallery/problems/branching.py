@@ -78,6 +78,7 @@ def _judge(runs: Runs) -> list[Finding]:
 
 
 def _draw(figure: Figure, runs: Runs) -> None:
+    figure.set_size_inches(9.0, 1.0 + 3.0 * len(runs))
     grid = figure.subplots(len(runs), 1, sharex=True, squeeze=False)
     for axes, (name, run) in zip(grid.ravel(), runs.items(), strict=True):
         points = draw_broken(axes, run, timed=True)
