@@ -20,7 +20,7 @@ folder = os.path.abspath(out)
 os.chdir(out)  # goes on here, whatever the folder is called
 fresh = "--force" in words or not os.path.exists("history.csv")
 rows = [] if fresh else open("history.csv").read().split()
-for number in range(len(rows), 200):
+for number in range(len(rows), 120):
     with open(WHERE, "a" if number else "w") as history:
         history.write(f"{NUMBER}\\n")
     if "--quiet" not in words:

@@ -193,6 +193,14 @@ def _sheet_legend(figure: Figure, final: bool) -> None:
         handles.append(Line2D([], [], ls="", marker="o", color=color, ms=7, label=text))
     handles.append(Line2D([], [], ls="--", color=color, label=f"circle fitted to the {name}"))
     handles.append(Line2D([], [], ls="", marker="+", color="black", ms=12, label="striker's axis"))
+    drawn = {line.get_label(): line for axes in figure.axes for line in axes.lines}
+    known = {handle.get_label() for handle in handles}
+    # what the outlines have named: notches and the clamp
+    handles += [
+        line
+        for label, line in drawn.items()
+        if not str(label).startswith("_") and label not in known
+    ]
     figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=12)
 
 
