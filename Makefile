@@ -14,7 +14,7 @@ APT := [ "$$(id -u)" = 0 ] && as_root= || as_root="sudo -n"; \
 	apt_install() { apt update; apt install -y --no-install-recommends "$$@"; }
 
 # `make` without a target runs the first one.
-.PHONY: impact help test slow wheel lock bench bench-check docs vulkan browser clean
+.PHONY: impact help test slow wheel lock bench bench-check gallery-quick docs vulkan browser clean
 
 impact: $(VENV)/.run vulkan ## crack a plate, into outputs/impact_quick/
 	$(BIN)/ldem impact configs/impact_quick.toml --force
@@ -51,6 +51,10 @@ bench: $(VENV)/.run ## speed of the step
 # Fails when the step has lost 15 % against the C baseline in the same run.
 bench-check: $(VENV)/.run ## fail where the step has become slower
 	$(BIN)/python benchmarks/bench.py --check
+
+# Too long for `make test`; it fails where a problem has no result. A number that misses is a result.
+gallery-quick: $(VENV)/.run ## benchmark problems, coarse, in ten minutes
+	$(BIN)/ldem gallery --quick
 
 # The pictures of a run are drawn on a Vulkan device; Mesa's software device will do.
 vulkan: ## a software device for pictures, by apt, where there is none

@@ -1,5 +1,6 @@
 """The command `ensemble`."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -70,5 +71,6 @@ def ensemble(
     for member in members.members:
         check(member.scene, scene_file.name)
     folder = default_folder(scene_file) if out is None else out
-    how = How(local, scheduler, slurm, threads, timeout, figures)
+    how = How(local=local, scheduler=scheduler, slurm=slurm, threads=threads)
+    how = replace(how, timeout=timeout, figures=figures)
     raise typer.Exit(run(members, folder, how, resume=resume, quiet=quiet))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,7 +23,8 @@ from taichi_ldem.ensemble.plan import MEMBERS
 from taichi_ldem.ensemble.results import Row, groups, numbers_of
 from taichi_ldem.ensemble.table3 import label
 from taichi_ldem.output.curves.forces import experiments_force, papers_velocity
-from taichi_ldem.output.figures.cracks import sheet
+from taichi_ldem.output.figures.crack_map import draw_outlines
+from taichi_ldem.output.figures.cracks import Panel, sheet
 from taichi_ldem.output.figures.draw import draw_elements, save
 from taichi_ldem.scenarios.measure import measure_run
 from taichi_ldem.storage.folder import RunFolder
@@ -150,14 +152,14 @@ def _homogeneous(key: Group, by_group: Mapping[Group, list[Row]]) -> list[Row] |
 
 def make_panels(
     finished: Sequence[Row], cracks: Mapping[str, Cracks | None]
-) -> list[tuple[str, list[tuple[str, Cracks | None]]]]:
-    """Rows of a sheet of crack maps: a name and its members' names and cracks; at most twelve.
+) -> list[tuple[str, list[Panel]]]:
+    """Rows of a sheet of crack maps: a name and its members' maps; at most twelve.
 
     Groups of one member each stand side by side.
     """
     by_group = groups(finished)
     if all(len(rows) == 1 for rows in by_group.values()):
-        alone = [(label(key), cracks[rows[0].member.name]) for key, rows in by_group.items()]
+        alone = [_panel(label(key), rows[0], cracks) for key, rows in by_group.items()]
         alone = alone[: MOST_PANELS * ALONE_ACROSS]
         return [("", alone[at : at + ALONE_ACROSS]) for at in range(0, len(alone), ALONE_ACROSS)]
     panels = []
@@ -165,9 +167,15 @@ def make_panels(
         named = []
         for row in rows[:MOST_COLUMNS]:
             seed = row.member.varied.get(SEED)
-            named.append(("" if seed is None else f"seed {seed}", cracks[row.member.name]))
+            named.append(_panel("" if seed is None else f"seed {seed}", row, cracks))
         panels.append((label(key), named))
     return panels[:MOST_PANELS]
+
+
+def _panel(name: str, row: Row, cracks: Mapping[str, Cracks | None]) -> Panel:
+    """The map of a member, with the outlines of its specimen."""
+    outlines = partial(draw_outlines, scene=row.member.scene, legend=False)
+    return Panel(name, cracks[row.member.name], outlines)
 
 
 # --- envelopes ------------------------------------------------------------------------------------

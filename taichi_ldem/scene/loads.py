@@ -139,6 +139,22 @@ class Load(Table):
         return 1.0 if self.factors is None else self.factors[0]
 
     @property
+    def largest_speed(self) -> float:
+        """Largest speed that it prescribes to its nodes, m/s; 0 for a force or a traction."""
+        if not self.prescribes:
+            return 0.0
+        times, factors = self.times or (), self.factors or ()
+        if self.kind == "velocity":
+            return abs(self.value) * max(map(abs, factors), default=1.0)
+        steps = list(zip(times, times[1:], factors, factors[1:], strict=False))
+        rates = [abs((after - before) / (end - begin)) for begin, end, before, after in steps]
+        if self.course == "ramp" and self.ramp:
+            rates = [1.5 / self.ramp]  # of 3 t^2 - 2 t^3 in the middle
+        elif self.course == "half-sine" and self.duration:
+            rates = [math.pi / self.duration]
+        return abs(self.value) * max(rates, default=0.0)
+
+    @property
     def unit(self) -> tuple[float, float, float]:
         """The direction with a length of one."""
         x, y, z = self.direction

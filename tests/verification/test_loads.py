@@ -239,6 +239,111 @@ def test_a_restored_state_of_loads_goes_on_bitwise(built: "Simulation") -> None:
     np.testing.assert_array_equal(built.displacement(), whole)
 
 
+REGIONS = {  # with the area that a traction acts on, in modules
+    "face": ({"face": "+x"}, 4),
+    "box": ({"box": [[0.01, -1.0, -1.0], [1.0, 1.0, 1.0]]}, 4),
+    # on a face that is two modules wide: 2 + 2 / 2 nodes around the middle one, and then
+    # 2 + 4 / 2 + 4 / 2, as nodes on an edge have half of a module's area
+    "circle": ({"face": "+z", "outer_diameter": 1.2e-3}, 4),
+    "band": ({"face": "+z", "inner_diameter": 1.2e-3, "outer_diameter": 2.4e-3}, 6),
+}
+COURSES = {
+    "constant": {},
+    "ramp": {"course": "ramp", "ramp": 4e-6},
+    "half-sine": {"course": "half-sine", "duration": 6e-6},
+    "table": {"course": "table", "times": [0.0, 2e-6, 5e-6], "factors": [0.0, 1.5, -0.5]},
+}
+EVERY = 8
+"""Steps from one sample to the next."""
+VALUES = {"velocity": 0.5, "displacement": 1e-6, "traction": 1e5, "force": 0.1}
+CASES = [
+    (region, kind, course)
+    # each region with each kind and each course, and each kind with each course
+    for n, kind in enumerate(VALUES)
+    for m, course in enumerate(COURSES)
+    for region in [[*REGIONS][(n + m) % len(REGIONS)]]
+    if (kind, course) != ("displacement", "constant")  # a jump, which is refused
+]
+
+
+def factor_of(course: str, time: np.ndarray) -> np.ndarray:
+    """The factor of a course, from the page."""
+    keys = COURSES[course]
+    if course == "ramp":
+        share = np.minimum(time / keys["ramp"], 1.0)
+        return 3 * share**2 - 2 * share**3
+    if course == "half-sine":
+        within = time <= keys["duration"]
+        return np.where(within, np.sin(np.pi * time / keys["duration"]), 0.0)
+    return np.interp(time, keys["times"], keys["factors"]) if keys else np.ones_like(time)
+
+
+@pytest.mark.parametrize(("region", "kind", "course"), CASES)
+def test_every_load_follows_its_course_and_goes_on_bitwise(
+    built: "Simulation", region: str, kind: str, course: str
+) -> None:
+    """Its motion or force is that of the course at every sample; its work closes the balance."""
+    where, area = REGIONS[region]
+    value = VALUES[kind]
+    load = where | COURSES[course] | {kind: value, "direction": "-z"}
+    samples, saved = sampled_twice(built, bar(load))
+    times = np.array([sample.time for sample in samples])
+    whole = {"traction": area * SPACING**2, "force": 1.0}.get(kind)
+    if whole is not None:
+        # the mean over the steps from one sample to the next
+        steps = EVERY * np.arange(len(times))[:, None] - np.arange(EVERY)
+        wanted = whole * value * factor_of(course, steps * built.time_step).mean(axis=1)
+        found = [sample.observed["load1_force_n"] for sample in samples]
+    else:
+        wanted = value * factor_of(course, times)
+        if kind == "velocity":
+            fine = np.linspace(0.0, times[-1], 40_001)
+            factors = factor_of(course, fine)
+            steps = 0.5 * (factors[1:] + factors[:-1]) * fine[1]
+            wanted = value * np.interp(times, fine, np.concatenate([[0.0], np.cumsum(steps)]))
+        found = [sample.observed["load1_displacement_m"] for sample in samples]
+    late = slice(1, None)  # before the first sample there is nothing
+    size = np.abs(wanted).max()
+    assert size > 0
+    np.testing.assert_allclose(found[late], wanted[late], rtol=0, atol=1e-6 * size)
+    assert abs(samples[-1].ledger.external) > 0
+    assert saved
+
+
+@pytest.mark.parametrize("kind", ["velocity", "rotation", "expansion", "strain"])
+def test_every_start_keeps_its_energy_and_goes_on_bitwise(built: "Simulation", kind: str) -> None:
+    start: dict[str, Any] = {
+        "velocity": [1.0, -2.0, 3.0],
+        "rotation": [100.0, 30.0, -50.0],
+        "expansion": 40.0,
+        "strain": [1e-3, -2e-4, -2e-4],
+    }
+    samples, saved = sampled_twice(built, bar(start={kind: start[kind]}))
+    ledger = samples[-1].ledger
+    assert ledger.kinetic_plate + ledger.strain > 0
+    assert saved
+
+
+def sampled_twice(simulation: "Simulation", scene: Scene) -> "tuple[list[Sample], bool]":
+    """The samples of a short run, which goes on from its middle to the same bits."""
+    simulation.reset(scene)
+    samples, saved = [], None
+    for n in range(16):
+        if n == 8:
+            saved = simulation.saved_state()
+        samples.append(simulation.sample_step())
+        simulation.advance(EVERY - 1)
+    assert max(sample.energy_error for sample in samples) < 1e-3
+    end = simulation.displacement()
+    assert saved is not None
+    simulation.reset(scene)
+    simulation.restore_state(saved)
+    for sample in samples[8:]:
+        assert vars(simulation.sample_step()) == vars(sample)
+        simulation.advance(EVERY - 1)
+    return samples, np.array_equal(simulation.displacement(), end)
+
+
 @pytest.mark.slow  # its kernels are of their own
 def test_a_block_that_is_pressed_on_a_rough_floor_does_not_slide(taichi: None) -> None:
     """Traction from above with a push from the side below the limit of friction."""

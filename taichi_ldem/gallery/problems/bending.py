@@ -74,7 +74,7 @@ def _draw(figure: Figure, runs: Runs) -> None:
         height = run.scene.notch[0].bounds[1][1] + crack.along
         path.plot(1e3 * place, 1e3 * height, ".", markersize=3)
     force.set(xlabel="time [ms]", ylabel="strain energy [mJ]")
-    path.set(xlabel="x [mm]", ylabel="z [mm]", aspect="equal", ylim=(0, 6.5))
+    path.set(xlabel="x [mm]", ylabel="z [mm]", aspect="equal", xlim=(-8, 2), ylim=(0, 6.5))
     figure.legend(loc="outside lower center", ncols=2, fontsize=11)
 
 

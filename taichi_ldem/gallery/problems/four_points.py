@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taichi_ldem.analysis.signals import smooth_force
 from taichi_ldem.gallery.drawing import draw_broken
 from taichi_ldem.gallery.problem import Finding, Problem, Run, Runs, between, near
 from taichi_ldem.gallery.readings import Array
@@ -30,7 +31,7 @@ def _arms(run: LoadedRun) -> tuple[float, float]:
 def _force(run: LoadedRun) -> Array:
     """Force of both strikers together, N, averaged over 25 rows."""
     force = run.history["striker_force_n"] + run.history["striker2_force_n"]
-    return np.convolve(force, np.full(25, 1 / 25), mode="same")
+    return smooth_force(run.history["time_s"], force, 25 * run.scene.output.history_interval)
 
 
 def _strength(run: LoadedRun) -> float:

@@ -92,7 +92,7 @@ def _draw(figure: Figure, runs: Runs) -> None:
         time, bent = _bending(run)
         axes.plot(1e3 * time, 1e6 * bent, label=LABELS[name])
     axes.set(xlabel="time [ms]", ylabel="middle to end [um]")
-    axes.legend()
+    figure.legend(loc="outside lower center", ncols=2, fontsize=12)
 
 
 PROBLEM = Problem(

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taichi_ldem.analysis.signals import smooth_force
 from taichi_ldem.gallery.problem import Finding, Problem, Run, Runs, near
 from taichi_ldem.gallery.readings import Array
 
@@ -31,8 +32,10 @@ def theory(run: LoadedRun, depth: Array | float) -> Array:
 
 def _curve(run: LoadedRun) -> tuple[Array, Array]:
     """Depths (m) and forces (N), the force averaged over five rows."""
-    force = np.convolve(run.history["striker_force_n"], np.full(5, 0.2), mode="same")
-    return run.history["striker_displacement_m"], force
+    history = run.history
+    window = 5 * run.scene.output.history_interval
+    force = smooth_force(history["time_s"], history["striker_force_n"], window)
+    return history["striker_displacement_m"], force
 
 
 def _judge(runs: Runs) -> list[Finding]:

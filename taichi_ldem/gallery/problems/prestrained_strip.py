@@ -68,9 +68,11 @@ def _draw(figure: Figure, runs: Runs) -> None:
     axes = figure.subplots()
     for model, label in MODELS.items():
         known = [offered for offered in OFFERED if f"{model}_{offered:g}" in runs]
+        if not known:
+            continue
         speeds = [speed(runs[f"{model}_{offered:g}"]) or math.nan for offered in known]
         axes.plot(known, speeds, "o-", label=label)
-    offered = np.linspace(1, 3.5, 100)
+    offered = np.linspace(1, max(OFFERED), 100)
     axes.plot(offered, 1 - 1 / offered, "k--", label="$c_R (1 - G_f / G)$")
     axes.set(xlabel="stored energy over G_f", ylabel="speed over c_R", ylim=(0, 1.1))
     axes.legend()

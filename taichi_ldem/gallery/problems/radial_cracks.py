@@ -85,13 +85,14 @@ def _draw(figure: Figure, runs: Runs) -> None:
     axes.loglog(list(COUNTED), list(COUNTED.values()), "ks", fillstyle="none", label="photographs")
     axes.set(xlabel="speed of the striker [m/s]", ylabel="radial cracks")
     axes.legend()
-    axes.set_yticks([4, 5, 6, 7, 8], ["4", "5", "6", "7", "8"])
+    axes.set_ylim(2.7, 9.5)
+    axes.set_yticks([3, 4, 5, 6, 7, 8], ["3", "4", "5", "6", "7", "8"])
     axes.set_xticks([20, 30, 50, 100], ["20", "30", "50", "100"])
     axes.minorticks_off()
     for column, speed in enumerate(counts):
         panel = figure.add_subplot(grid[1, column])
         draw_broken(panel, runs[_name(speed)])
-        panel.set(xlim=(-20, 20), ylim=(-20, 20), ylabel="")
+        panel.set(xlim=(-20, 20), ylim=(-20, 20), ylabel="" if column else "y [mm]")
         panel.set_title(f"{speed:g} m/s", fontsize=11)
 
 

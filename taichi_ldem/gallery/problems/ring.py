@@ -97,6 +97,8 @@ def _draw(figure: Figure, runs: Runs) -> None:
     for model, label in (("bar", "paper's method"), ("crack", "cracks cost G_f")):
         known = [rate for rate in RATES if _name(model, rate) in runs]
         counts = [pieces(runs[_name(model, rate)]) for rate in known]
+        if not known:
+            continue
         axes.loglog(known, counts, "o-", label=label)
     any_run = next(iter(runs.values()))
     rates = np.geomspace(620, 4000, 60)

@@ -97,7 +97,7 @@ def _draw(figure: Figure, runs: Runs) -> None:
     place, time = theory(next(iter(runs.values())))
     axes.plot([1e6 * time], [1e3 * place], "k+", markersize=14, label="one-dimensional theory")
     axes.set(xlabel="time [us]", ylabel="distance from the free end [mm]")
-    axes.legend()
+    figure.legend(loc="outside lower center", ncols=3, fontsize=12)
 
 
 PROBLEM = Problem(

@@ -154,6 +154,7 @@ def _draw(figure: Figure, runs: Runs) -> None:
             if len(values):
                 axes.plot(values, rank, mark, color=colour, label=label)
     axes.set(xlabel="stress in the middle at the largest force [MPa]", ylabel="share broken")
+    axes.set_ylim(0, 1)
     figure.legend(loc="outside lower center", ncols=2, fontsize=11)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -103,8 +104,23 @@ def growth(figure: Figure, cracks: Cracks, area: np.ndarray[Any, Any]) -> tuple[
     return upper, middle, lower
 
 
-Panels = Sequence[tuple[str, Sequence[tuple[str, Cracks | None]]]]
-"""Rows of a sheet: a name, and the name and cracks of each panel."""
+@dataclass(frozen=True)
+class Panel:
+    """A map of a sheet.
+
+    Attributes:
+        name: above it; may be empty.
+        cracks: of the specimen; None where it has none.
+        outlines: draws the specimen with its holes and notches, and its clamp.
+    """
+
+    name: str
+    cracks: Cracks | None
+    outlines: Callable[[Axes], None] = lambda axes: None
+
+
+Panels = Sequence[tuple[str, Sequence[Panel]]]
+"""Rows of a sheet: a name and its maps."""
 
 
 def sheet(figure: Figure, rows: Panels, *, final: bool) -> None:
@@ -116,10 +132,11 @@ def sheet(figure: Figure, rows: Panels, *, final: bool) -> None:
     across = max(len(panels) for _, panels in rows)
     figure.set_size_inches(2.2 + 3.1 * max(2, across), 2.6 + 3.4 * len(rows))
     grid = figure.subplots(len(rows), across, squeeze=False, sharex=True, sharey=True)
-    half = max((_reach(c) for _, panels in rows for _, c in panels if c is not None), default=1.0)
+    maps = [panel.cracks for _, panels in rows for panel in panels if panel.cracks is not None]
+    half = max(map(_reach, maps), default=1.0)
     for line, (name, panels) in zip(grid, rows, strict=True):
-        for axes, (text, cracks) in zip(line, panels, strict=False):
-            _draw_panel(axes, text, cracks, final=final)
+        for axes, panel in zip(line, panels, strict=False):
+            _draw_panel(axes, panel, final=final)
             axes.set(xlim=(half, -half), ylim=(-half, half))
         for axes in line[len(panels) :]:
             axes.set_axis_off()
@@ -133,18 +150,21 @@ def sheet(figure: Figure, rows: Panels, *, final: bool) -> None:
     _sheet_legend(figure, final)
 
 
-def _draw_panel(axes: Axes, text: str, cracks: Cracks | None, *, final: bool) -> None:
+def _draw_panel(axes: Axes, panel: Panel, *, final: bool) -> None:
     axes.set_aspect("equal")
-    parts = [text] if text else []
+    cracks, parts = panel.cracks, [panel.name] if panel.name else []
     if cracks is None:
+        panel.outlines(axes)
         axes.set_title("\n".join([*parts, "no crack"]), fontsize=12)
         return
     style: dict[str, Any] = {"color": CIRCULAR if final else RADIAL}
     if final:
         _draw_map(axes, cracks.through, cracks.map, math.inf)
+        panel.outlines(axes)
         circle, name = cracks.circular_circle, "$d_c$"
     else:
         _draw_map(axes, cracks.map, cracks.faint, cracks.radial_time)
+        panel.outlines(axes)
         circle, name = cracks.radial_circle, "$d_r$"
         for crack in cracks.radial:
             axes.plot(*(_MM * crack.tip), "o", markeredgecolor="white", markersize=7, **style)
@@ -173,6 +193,14 @@ def _sheet_legend(figure: Figure, final: bool) -> None:
         handles.append(Line2D([], [], ls="", marker="o", color=color, ms=7, label=text))
     handles.append(Line2D([], [], ls="--", color=color, label=f"circle fitted to the {name}"))
     handles.append(Line2D([], [], ls="", marker="+", color="black", ms=12, label="striker's axis"))
+    drawn = {line.get_label(): line for axes in figure.axes for line in axes.lines}
+    known = {handle.get_label() for handle in handles}
+    # what the outlines have named: notches and the clamp
+    handles += [
+        line
+        for label, line in drawn.items()
+        if not str(label).startswith("_") and label not in known
+    ]
     figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=12)
 
 

@@ -1,5 +1,6 @@
 """Loads, starts and probes of a scene: names, defaults, and what is refused in one line."""
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -133,3 +134,44 @@ def test_a_load_of_a_file_is_overridden_on_the_command_line(tmp_path: Path) -> N
     assert load_scene(file, ["load.traction=2e6"]).loads[0].value == 2e6
     with pytest.raises(SceneError, match=r"command line: load\[0\]\.start = -1"):
         load_scene(file, ["load.start=-1"])
+
+
+@pytest.mark.parametrize(
+    ("load", "speed"),
+    [
+        ({"traction": 1e6}, 0.0),
+        ({"force": 1e3}, 0.0),
+        ({"velocity": -3.0}, 3.0),
+        ({"velocity": 3.0, "course": "half-sine", "duration": 1e-5}, 3.0),
+        ({"velocity": 2.0, "course": "table", "times": [0, 1e-6], "factors": [1.0, -4.0]}, 8.0),
+        # the derivatives of 3 t^2 - 2 t^3 and of half a sine are 1.5 and pi at most
+        ({"displacement": -2e-5, "course": "ramp", "ramp": 1e-5}, 3.0),
+        ({"displacement": 2e-5, "course": "half-sine", "duration": 1e-5}, 2 * math.pi),
+        (
+            {
+                "displacement": 1e-5,
+                "course": "table",
+                "times": [0, 1e-5, 3e-5],
+                "factors": [0, 1, -2],
+            },
+            1.5,
+        ),
+    ],
+)
+def test_the_largest_speed_that_a_load_prescribes(load: dict[str, Any], speed: float) -> None:
+    (found,) = scene({"face": "+x", "direction": "x"} | load).loads
+    assert found.largest_speed == pytest.approx(speed)
+
+
+def test_contact_of_pieces_knows_every_speed_that_nodes_are_given(taichi: None) -> None:
+    """Nodes that touch nothing rest, for as long as nothing that is driven could reach them."""
+    from taichi_ldem.solver.contact.kernels.fragments import driven_speed
+
+    pushed = {"face": "+x", "direction": "x", "displacement": 2e-5} | {
+        "course": "ramp",
+        "ramp": 1e-6,
+    }
+    striker = {"diameter": 2e-3, "mass": 1e-3, "velocity": 4.0}
+    assert driven_speed(scene(pushed, striker=striker)) == pytest.approx(30.0)
+    assert driven_speed(scene(PULL, striker=striker)) == 4.0
+    assert driven_speed(scene(PULL)) == 0.0

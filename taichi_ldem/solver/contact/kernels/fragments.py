@@ -46,7 +46,7 @@ ELASTIC, PLATE_BEFORE, LOST = range(3)
 def driven_speed(scene: "Scene") -> float:
     """The largest speed that a striker, a load or grips give to nodes, m/s."""
     speeds = [striker.speed for striker in scene.strikers]
-    speeds += [abs(load.value) for load in scene.loads if load.kind == "velocity"]
+    speeds += [load.largest_speed for load in scene.loads]
     if scene.grips is not None:
         speeds.append(abs(scene.grips.velocity))
     return max(speeds, default=0.0)
@@ -113,7 +113,8 @@ class Fragments(SoftSpheres):
         self.find_surface()
         for field in (self.count, self.works, self.impulse, self.friction):
             field.fill(0)
-        self.size, self.dust_size, self.next_listing, self.most = 0, 0, 0, 0
+        self.begin_lists(0)
+        self.most = 0
 
     def list_anew(self, now: int, step: int, time_step: float) -> None:
         """List the pairs, and complete what the latest step left open."""
@@ -125,7 +126,7 @@ class Fragments(SoftSpheres):
     def renew(self, step: int) -> None:
         """Forget the steps so far, before one that starts from another state."""
         self._forget(self.size)
-        self.size, self.dust_size, self.next_listing = 0, 0, step
+        self.begin_lists(step)
 
     def compile(self, now: int) -> None:
         """Compile all kernels of the listing and of samples; the lists change."""
@@ -169,7 +170,7 @@ class Fragments(SoftSpheres):
         size = self.size
         ends = self.pair_ends.to_numpy()[:size]
         return {
-            "schedule": np.array(self.next_listing),
+            "schedule": np.array([self.next_listing, self.known, self.patience]),
             "fast": np.array(self.numbers[FAST]),
             "nodes": self.nodes.to_numpy()[:size],
             "ends": ends,
@@ -194,7 +195,7 @@ class Fragments(SoftSpheres):
         if not fits:
             raise ValueError("the pairs of nodes that may touch are of another lattice")
         self.size, self.most = size, len(saved["works"])
-        self.next_listing = int(saved["schedule"])
+        self.next_listing, self.known, self.patience = saved["schedule"].tolist()
         self.count.from_numpy(np.array([size, size], dtype=np.int32))
         for name in ("nodes", "pairs", "works", *OF_LISTED):
             field = getattr(self, name)

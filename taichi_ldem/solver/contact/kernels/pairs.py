@@ -37,7 +37,12 @@ SKIN = 0.3
 """Distance that two nodes may approach each other between two listings, over that of contact."""
 
 LONGEST = 64
-"""Most steps between two listings, so that bars that have failed meanwhile are soon known."""
+"""Most steps between two listings."""
+
+SOON = 16
+"""Most steps to the next listing where bars have failed before this one. Their ends touch nothing
+of each other before they are listed, and where they have come near until then, the springs between
+them hold energy from nowhere. Where no bar fails, the steps double until they are LONGEST."""
 
 FEWEST = 48
 """Steps between two listings that a fast node would allow if it had partners in the list."""
@@ -90,6 +95,8 @@ class NearbyPairs(NodesInCells):
             apart. between: the place there of a bar between two nodes; -1 where there is none.
         surface: a bit for each lane of a column: its node is at the rim of the body at rest.
         fastest: squares of the largest speeds, of nodes at the rim not listed, and of dust.
+        gone: number of failed and removed bars, each counted at both ends. known: the same at the
+            latest listing. patience: most steps from it to the next.
     """
 
     def __init__(self, dynamics: Dynamics):
@@ -97,7 +104,7 @@ class NearbyPairs(NodesInCells):
         self.distance = distance_of_contact(dynamics)
         most = most_nodes(lattice.modules, cell.sublattices)
         super().__init__(dynamics, most, (1 + SKIN) * self.distance)
-        self.size, self.dust_size, self.next_listing = 0, 0, 0
+        self.begin_lists(0)
         self.loose = field_apart(ti.i32, self.capacity)
         self.dust = field_apart(ti.i32, self.capacity)
         self.joins = field_apart(ti.i32, self.capacity)
@@ -110,7 +117,13 @@ class NearbyPairs(NodesInCells):
         self.bare = field_apart(ti.i32, self.marks.shape[0])
         self.surface = [field_apart(ti.u8, dynamics.shape) for _ in range(cell.sublattices)]
         self.fastest = field_apart(ti.f32, 2)
+        self.gone = field_apart(ti.i32, 1)
         self.homes = [sorted({home for _, home in bars}) for bars in cell.scalars]
+
+    def begin_lists(self, step: int) -> None:
+        """List nothing, and forget what was listed, until a list is made at a step."""
+        self.size, self.dust_size, self.next_listing = 0, 0, step
+        self.known, self.patience = -1, SOON
 
     def find_surface(self) -> None:
         """Mark the nodes of the lattice that have fewer bars than one inside it."""
@@ -138,6 +151,9 @@ class NearbyPairs(NodesInCells):
         limit = 2 * FEWEST * time_step
         self.numbers[FAST] = SKIN * self.distance / limit if limit > 0 else math.inf
         self._expose(now, spacing, time_step)
+        gone = int(self.gone[0])
+        self.patience = SOON if gone != self.known else min(2 * self.patience, LONGEST)
+        self.known = gone
         self._list(now, spacing, 0.0)
         self.size = int(self.count[0])
         self.next_listing = step + self._steps(time_step)
@@ -170,7 +186,7 @@ class NearbyPairs(NodesInCells):
         # what is not listed may come nearer by half of the skin, and dust may fly so far
         allowed = 0.5 * SKIN * self.distance, (FARTHEST - 1) * reach
         steps = [free / way for free, way in zip(allowed, ways, strict=True) if way > 0]
-        return max(1, int(min([LONGEST, *steps])))
+        return max(1, int(min([self.patience, *steps])))
 
     @ti.kernel
     def _expose(self, now: int, spacing: float, time_step: float):
@@ -180,6 +196,8 @@ class NearbyPairs(NodesInCells):
             self.hot[cell] = 0
         for n in range(2):
             self.fastest[n] = 0.0
+        for n in range(1):
+            self.gone[n] = 0
         for k, j, word in ti.ndrange((1, nz - 1), (1, ny - 1), self.words):
             self.mark_bare(now, k, j, word, spacing, time_step)
 
@@ -202,7 +220,11 @@ class NearbyPairs(NodesInCells):
                     lanes |= int(self.dynamics.touched[k + home[0], j + home[1], m + home[2]])
                 if lanes != 0:
                     for lane in range(self.dynamics.lanes.width):
-                        if (lanes >> lane) & 1 and self.has_lost_a_bar(s, k, j, m, lane):
+                        gone = 0
+                        if (lanes >> lane) & 1:
+                            gone = self.lost_bars(s, k, j, m, lane)
+                        if gone > 0:
+                            ti.atomic_add(self.gone[0], gone)
                             at = self.word_of(s, k, j, lane, word)
                             self.bare[at] = self.bare[at] | 1 << (m - begin)
                             i = self.dynamics.site_of(m, lane)
@@ -211,12 +233,12 @@ class NearbyPairs(NodesInCells):
                             self.heat_way(place, v, ti.cast(time_step, ti.f64))
 
     @ti.func
-    def has_lost_a_bar(self, s: ti.template(), k, j, m, lane):
-        """Whether a bar of a node has failed or was removed."""
-        lost = False
+    def lost_bars(self, s: ti.template(), k, j, m, lane):
+        """Number of a node's bars that have failed or were removed."""
+        lost = 0
         for bar, home in ti.static(self.dynamics.cell.scalars[s]):
             at = ti.Struct(k=k + home[0], j=j + home[1], m=m + home[2])
-            lost |= self.is_gone(bar, at, lane)
+            lost += int(self.is_gone(bar, at, lane))
         return lost
 
     @ti.func

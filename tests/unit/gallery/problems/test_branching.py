@@ -15,6 +15,8 @@ RUN: Any = None
     [
         ([(12.0, 30.0)], 12.0),  # two parts to the end of the crack
         ([(4.0, 5.0), (12.0, 30.0)], 12.0),  # an attempt before
+        ([(6.5, 19.0)], 6.5),  # an arm ends
+        ([(2.0, 27.0), (29.0, 31.0)], 2.0),  # an arm has left the plate, the other goes on
         ([(34.0, 34.0)], None),  # a bump of a crack that wanders
         ([(4.0, 5.0), (31.0, 33.0)], None),
         ([], None),

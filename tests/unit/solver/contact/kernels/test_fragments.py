@@ -10,7 +10,7 @@ from scipy import sparse
 from scipy.sparse.linalg import eigsh
 from scipy.spatial import cKDTree
 from support.blocks import PMMA, SPACING
-from support.pieces import FRICTION, Pieces, scene_of_pieces
+from support.pieces import FRICTION, SHIFT, Pieces, scene_of_pieces
 from support.reference import Body
 
 from taichi_ldem.errors import TooManyNodes
@@ -283,16 +283,46 @@ def test_when_the_lists_are_made_changes_no_bit(pieces: Pieces) -> None:
     assert pieces.simulation.fragments.reading().lost > 0
 
 
+def _rest(pieces: Pieces, shift: tuple[float, float, float] = SHIFT) -> None:
+    """Let the pieces rest until a list has just been made that may last as long as any."""
+    from taichi_ldem.solver.contact.kernels.pairs import LONGEST
+
+    pieces.throw((0.0, 0.0, 0.0), shift)
+    f = pieces.simulation.fragments
+    while f.patience < LONGEST:
+        pieces.simulation.advance(1)
+    assert f.next_listing == pieces.simulation.step_number - 1 + LONGEST
+
+
+def test_a_list_is_soon_made_again_after_bars_have_failed(pieces: Pieces) -> None:
+    """Their ends know nothing of each other until then."""
+    from taichi_ldem.solver.contact.kernels.pairs import LONGEST, SOON
+
+    s, dynamics = pieces.simulation, pieces.simulation.dynamics
+    pieces.throw((0.0, 0.0, 0.0), (5e-3, 0.0, 0.0))  # nothing moves
+    made = []
+    for step in range(400):
+        if step == 200:
+            removed = dynamics.lanes.gather(dynamics.removed.to_numpy())
+            whole = np.argwhere(dynamics.lattice.bar_exists()[..., 0] & (removed == 0))
+            removed[tuple(whole[0])] |= np.uint16(1)
+            dynamics.set_removed(removed)
+        due = s.fragments.next_listing
+        s.advance(1)
+        if s.fragments.next_listing != due:
+            made.append(step)
+    # the list after the bar is gone is the first that knows of it
+    expected = [SOON, 2 * SOON, LONGEST, LONGEST, LONGEST, SOON, 2 * SOON, LONGEST]
+    assert np.diff(made).tolist() == expected
+
+
 def test_a_list_lasts_until_a_node_has_moved(pieces: Pieces) -> None:
     from taichi_ldem.solver.contact.kernels.pairs import LATE, LONGEST, SKIN
 
-    s = pieces.simulation
-    pieces.throw((0.0, 0.0, 0.0))
-    s.advance(1)
-    assert s.fragments.next_listing == LONGEST
-    speed = 25.0
-    pieces.throw((speed, 0.0, 0.0))
-    s.advance(1)
+    s, speed = pieces.simulation, 25.0
+    _rest(pieces)
+    velocity = np.where(pieces.right[:, None], (speed, 0.0, 0.0), 0.0)
+    s.dynamics.set_velocity(pieces.spread(velocity))
     way = LATE * SKIN * float(s.fragments.numbers[0])
     steps = int(way / (speed * s.time_step))
     lasts = 1
@@ -342,12 +372,10 @@ def test_nodes_that_cannot_touch_soon_rest(pieces: Pieces) -> None:
 
 
 def test_a_list_lasts_until_a_node_at_rest_has_moved(pieces: Pieces) -> None:
-    from taichi_ldem.solver.contact.kernels.pairs import LATE, LONGEST, SKIN
+    from taichi_ldem.solver.contact.kernels.pairs import LATE, SKIN
 
     s, f = pieces.simulation, pieces.simulation.fragments
-    pieces.throw((0.0, 0.0, 0.0), (5e-3, 0.0, 0.0))  # too far apart for partners
-    s.advance(1)
-    assert f.next_listing == s.step_number - 1 + LONGEST
+    _rest(pieces, (5e-3, 0.0, 0.0))  # too far apart for partners
     speed = float(f.numbers[4])  # as fast as a node may be that is no dust
     s.dynamics.set_velocity(pieces.spread(np.full_like(pieces.places, speed * 3**-0.5)))
     least = LATE * SKIN * DISTANCE / (speed * s.time_step)
