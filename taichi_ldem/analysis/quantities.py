@@ -129,6 +129,7 @@ NUMBERS: dict[str, Number] = {
     "kinetic_plate_j": Number("kinetic energy of the plate", "J"),
     "kinetic_striker_j": Number("kinetic energy of the striker", "J"),
     "damping_j": Number("lost by damping", "J"),
+    "contact_elastic_j": Number("energy held in elastic landings", "J"),
     "pieces_elastic_j": Number("energy stored where pieces touch", "J"),
     "pieces_friction_j": Number("lost by friction of pieces", "J"),
     "notch_j": Number("taken by notches that opened", "J"),

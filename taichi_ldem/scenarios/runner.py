@@ -28,7 +28,7 @@ from taichi_ldem.scenarios.progress import announce, make_console, progress
 from taichi_ldem.scenarios.registry import entry_of
 from taichi_ldem.scenarios.workbench import WORKBENCH
 from taichi_ldem.scene import Scene, parse_scene
-from taichi_ldem.solver.contact import bodies_of, contacts_of, observables
+from taichi_ldem.solver.contact import HELD, bodies_of, contacts_of, observables
 from taichi_ldem.solver.memory import peak_bytes
 from taichi_ldem.storage import plate_shape
 from taichi_ldem.storage.folder import RunFolder
@@ -56,6 +56,7 @@ def columns(scene: Scene) -> list[str]:
         "damping_j": scene.solver.damping > 0,
         "notch_j": any(notch.time for notch in scene.notch),
         "contact_j": any(body.dissipates for body in present),
+        HELD.column: scene.lands_elastically,
         "external_j": scene.plate.falls or any(body.works(scene) for body in present),
         "energy_error": True,
         "broken_bars": scene.material.damage,
@@ -76,6 +77,7 @@ def row(sample: "Sample") -> dict[str, float | int | None]:
         "damping_j": ledger.damping,
         "notch_j": ledger.opened,
         "contact_j": ledger.contact,
+        HELD.column: observed.get(HELD.column, 0.0),
         "external_j": ledger.external,
         "energy_error": sample.energy_error,
         "broken_bars": sample.broken_bars,

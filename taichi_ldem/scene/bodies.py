@@ -89,7 +89,7 @@ class Floor(Table):
 
 
 class Contact(Table):
-    """Contact of pieces of the plate that have parted, and of faces that a notch has cut.
+    """Contact with rigid bodies; contact of pieces that have parted, and of faces that were cut.
 
     Nodes that have lost a bar push away each other, and nodes on the faces of the plate, when they
     come closer than the shortest bar (docs/fragment-contact.md).
@@ -98,6 +98,11 @@ class Contact(Table):
     fragments: Flag = Field(default=False, description="whether pieces of the plate touch")
     friction: Annotated[Real, Field(ge=0, le=10)] = Field(
         default=0.0, description="coefficient of Coulomb friction between pieces"
+    )
+    landing: Literal["inelastic", "elastic"] = Field(
+        default="inelastic",
+        description="what a node does that lands on a striker, ring, support or floor: it stays and"
+        " its energy is lost, or it turns back at its speed, and no energy is lost",
     )
 
     @model_validator(mode="after")

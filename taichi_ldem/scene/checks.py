@@ -365,6 +365,10 @@ def _check_contact(scene: Scene) -> None:
     if contact is not None and contact.fragments and not (scene.material.damage or scene.notch):
         why = "needs material.damage = true or a [[notch]], as nothing else makes pieces"
         raise refuse("contact.fragments", contact.fragments, why)
+    held = scene.clamp is not None and scene.clamp.kind == "rings"
+    if scene.lands_elastically and not (held or scene.strikers or scene.supports or scene.floor):
+        why = 'needs a striker, a clamp of the kind "rings", supports or a floor to land on'
+        raise refuse("contact.landing", scene.contact.landing, why)  # type: ignore[union-attr]
 
 
 # --- time and machine -----------------------------------------------------------------------------

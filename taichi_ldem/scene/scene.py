@@ -122,6 +122,11 @@ class Scene(Table, metaclass=_OneLine):
         return self.clamp is not None and self.clamp.kind != "free"
 
     @property
+    def lands_elastically(self) -> bool:
+        """Whether nodes that land on a rigid body keep their energy."""
+        return self.contact is not None and self.contact.landing == "elastic"
+
+    @property
     def field_times(self) -> tuple[float, ...]:
         """Sorted times at which fields are stored: start, every interval, image times, end; s."""
         end, interval = self.solver.duration, self.output.field_interval or 0.0

@@ -32,7 +32,7 @@ class Ledger:
         kinetic_plate, kinetic_bodies, strain: stored energies.
         fracture, damping, contact: energies dissipated since the start.
         external: work that was done from outside since the start.
-        touching: energy stored where pieces of the plate touch.
+        touching: energy stored where pieces of the plate touch, or where nodes land elastically.
         opened: energy that notches took when they opened.
     """
 

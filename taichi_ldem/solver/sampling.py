@@ -8,7 +8,7 @@ import numpy as np
 import taichi as ti
 
 from taichi_ldem.scene import Scene
-from taichi_ldem.solver.contact import BODIES
+from taichi_ldem.solver.contact import BODIES, HELD
 from taichi_ldem.solver.contact.kernels.body import (
     IMPULSE,
     LOSS_AFTER,
@@ -69,6 +69,7 @@ class Sampler:
         self, bodies: list[RigidBody], energies: EnergySums, dynamics: Dynamics, scene: Scene
     ):
         self.bodies, self.energies = bodies, energies
+        self.lands_elastically = scene.lands_elastically
         self.probes: Any = None
         if scene.probes:
             from taichi_ldem.solver.probes import Probes
@@ -143,14 +144,18 @@ class Sampler:
         for body, row in zip(self.bodies, values[1:].tolist(), strict=True):
             body.refuse_more(int(row[NEAR]))
             recorded = row[RECORDED : RECORDED + 2]
+            lost, held = recorded[LOST] + row[LOSS_BEFORE], 0.0
+            if body.elastic:  # what is lost before t_n comes back after it
+                lost, held = row[LOSS_BEFORE] + row[LOSS_AFTER], recorded[LOST] - row[LOSS_AFTER]
             readings.append(
                 Reading(
                     impulse=row[IMPULSE],
                     plate_before=row[PLATE_BEFORE],
-                    lost=recorded[LOST] + row[LOSS_BEFORE],
+                    lost=lost,
                     displacement=recorded[POSITION],
                     velocity_before=row[VELOCITIES],
                     velocity_after=row[VELOCITIES + 1],
+                    held=held,
                 )
             )
         return values[0], readings
@@ -174,6 +179,8 @@ class Sampler:
                 across = zip("xy", body.impulses_sideways(), strict=False)
                 values += tuple(self._force(f"{body.name}.{a}", i, since) for a, i in across)
                 observed |= dict(zip(body.columns, values, strict=True))
+        if self.lands_elastically:
+            observed[HELD.column] = sum(reading.held for reading in readings)
         if self.probes is not None:
             observed |= self.probes.observed(now)
         return observed

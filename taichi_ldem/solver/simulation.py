@@ -145,6 +145,8 @@ class Simulation:
                 raise ValueError(f"{body.name}: no other bodies can be added or taken away")
         if (FRAGMENTS.table(scene) is None) == self.pieces_touch:
             raise ValueError("contact.fragments: needs other kernels")
+        if scene.lands_elastically != self.scene.lands_elastically:
+            raise ValueError("contact.landing: needs other kernels")
         self.drawn = refill_dynamics(self.dynamics, scene, lattice)
         self.scene = scene
         self.now = 0
@@ -315,7 +317,7 @@ class Simulation:
             float(total[DAMPED]),
             sum(energies.contact for energies in own) + pieces.lost,
             sum((energies.external for energies in own), 0.0) + sum(total[WORK:].tolist()),
-            float(pieces.elastic),
+            float(pieces.elastic) + sum(reading.held for reading in readings),
             self.openings.energy,
         )
         if self.initial_ledger is None:

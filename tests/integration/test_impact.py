@@ -186,6 +186,20 @@ def test_same_history_with_one_and_two_threads(finished: RunFolder, scene: Path)
     assert (out / "history.csv").read_bytes() == finished.history_file.read_bytes()
 
 
+@pytest.mark.slow
+def test_elastic_landings_have_one_history_on_one_and_two_threads(scene: Path) -> None:
+    histories = []
+    for threads in ("1", "2"):
+        out = scene.parent / f"elastic_{threads}"
+        words = ("--out", str(out), "--quiet", "--threads", threads)
+        done = ldem("impact", str(scene), *words, "--set", 'contact.landing="elastic"')
+        assert done.returncode == 0, done.stderr
+        histories.append(RunFolder.open(out).read_history())
+        assert abs(histories[-1]["contact_j"]).max() < 1e-9  # J; the striker gives 0.1 and more
+        assert abs(histories[-1]["contact_elastic_j"]).max() > 0
+    assert all((histories[0][name] == histories[1][name]).all() for name in histories[0])
+
+
 @pytest.mark.slow  # builds a simulation to be refused
 def test_an_existing_run_is_kept(finished: RunFolder, scene: Path) -> None:
     before = finished.history_file.read_bytes()

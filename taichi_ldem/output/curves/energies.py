@@ -28,6 +28,7 @@ _STORED = (
     ("fracture_j", "fracture", RED),
     ("kinetic_plate_j", "kinetic, plate", ORANGE),
     ("contact_j", "lost in contact", GREEN),
+    ("contact_elastic_j", "held in elastic landings", GREY),
     ("damping_j", "lost by damping", VIOLET),
     ("notch_j", "taken by notches", BROWN),
     ("pieces_elastic_j", "stored where pieces touch", BLACK),

@@ -6,7 +6,7 @@ The tuple below is the only list of the bodies: simulation, history and pictures
 """
 
 from taichi_ldem.scene import Scene
-from taichi_ldem.solver.contact.declaration import Body, Observable
+from taichi_ldem.solver.contact.declaration import HELD, Body, Observable
 from taichi_ldem.solver.contact.floor import FLOOR
 from taichi_ldem.solver.contact.fragments import FRAGMENTS
 from taichi_ldem.solver.contact.grips import GRIPS
@@ -19,6 +19,7 @@ __all__ = [
     "BODIES",
     "CONTACTS",
     "FRAGMENTS",
+    "HELD",
     "Body",
     "Observable",
     "bodies_of",

@@ -29,6 +29,10 @@ class Observable:
     energy: bool = False
 
 
+HELD = Observable("contact_elastic_j", "energy held in elastic landings", "J", energy=True)
+"""A term that all bodies have together, where nodes land on them elastically."""
+
+
 class Body:
     """The declaration of a rigid body.
 

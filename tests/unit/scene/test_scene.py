@@ -293,6 +293,7 @@ def test_an_override_of_a_notch_needs_exactly_one(full: Path, minimal: Path) -> 
 
 NOTCHED = {"notch": [{"normal": "x", "position": 2.5e-4, "from": [-1, -1], "to": [1, 1]}]}
 TOUCH = {"contact": {"fragments": True, "friction": 0.3}}
+BONDED = {"kind": "bonded", "inner_diameter": 1e-3, "outer_diameter": 2e-3}
 
 
 @pytest.mark.parametrize(
@@ -312,11 +313,17 @@ TOUCH = {"contact": {"fragments": True, "friction": 0.3}}
             'scene: contact.fragments = "yes": must be true or false',
         ),
         (NOTCHED | TOUCH | {"scenario": "modes"}, 'scene: scenario = "modes": takes no table [c'),
+        (
+            {"contact": {"landing": "soft"}, "floor": {}},
+            'scene: contact.landing = "soft": must be',
+        ),
+        (
+            {"contact": {"landing": "elastic"}, "clamp": BONDED},
+            'scene: contact.landing = "elastic": needs a striker, a clamp of the kind "rings", sup',
+        ),
     ],
 )
-def test_contact_of_pieces_is_refused_where_it_means_nothing(
-    tables: dict[str, Any], said: str
-) -> None:
+def test_contact_is_refused_where_it_means_nothing(tables: dict[str, Any], said: str) -> None:
     with pytest.raises(SceneError) as refused:
         block_scene(4, 4, 2, **tables)
     assert one_line(refused).startswith(said)

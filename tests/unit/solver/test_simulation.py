@@ -246,6 +246,7 @@ def test_a_reset_simulation_runs_as_a_fresh_one_to_the_last_bit(taichi: None) ->
         ({"striker": {"friction": 0.3}}, r"striker: friction = 0\.3 needs other kernels than 0"),
         ({"clamp": {"friction": 0.0}}, "rings: friction = 0 needs other kernels than inf"),
         ({"plate": {"gravity": [0.0, 0.0, -9.81]}}, "gravity: True needs other kernels"),
+        ({"contact": {"landing": "elastic"}}, r"contact\.landing: needs other kernels"),
         ({"floor": {}}, "floor: no other bodies can be added"),
         ({"plate": {"modules_through_thickness": 3}}, "plate: .* need other fields"),
         ({"solver": {"precision": "f32"}}, r"solver\.precision: "),

@@ -5,7 +5,8 @@ a rigid body is put on the body's surface at the end of the same step, and the i
 takes acts back on the body. A node therefore never penetrates by more than rounding, no stiffness
 has to be chosen, and the critical time step is not lowered (a constraint cannot raise the highest
 frequency). Momentum along z is conserved; a node that strikes a body sticks to it inelastically,
-and the energy lost that way is accumulated, so the ledger closes.
+and the energy lost that way is accumulated, so the ledger closes. Where landings are ``elastic``,
+the node turns back instead, and nothing is lost (``surface``).
 
 Only nodes near a body are visited. They are listed anew every few steps, in ascending order, from
 positions and speeds, on the device, without waiting for the host. Impulses and works are summed
@@ -84,6 +85,7 @@ class Reading:
         lost: energy lost in the contact until t_n, J.
         displacement: of the body, m; 0 for one at rest.
         velocity_before, velocity_after: of the body half a step before and after t_n, m/s.
+        held: energy at t_n that elastic landings give back within the step, J.
     """
 
     impulse: float
@@ -92,6 +94,7 @@ class Reading:
     displacement: float
     velocity_before: float
     velocity_after: float
+    held: float
 
 
 @dataclass(frozen=True)
@@ -144,6 +147,9 @@ class RigidBody(NearbyNodes):
     columns: tuple[str, ...] = ()
     """Names of what ``observe`` returns."""
 
+    elastic = False
+    """Whether nodes leave the body at the speed at which they land."""
+
     shared = False
     """Whether the scene has other bodies that may press nodes against this one."""
 
@@ -192,17 +198,13 @@ class RigidBody(NearbyNodes):
             ValueError: the scene needs other kernels or a longer list of nodes.
             SceneError: the body has no place on this plate.
         """
-        layout = self.layout_of(self.dynamics, scene)
-        if layout.kind != self.layout.kind:
-            raise ValueError(
-                f"{self.name}: {layout.kind} needs other kernels than {self.layout.kind}"
-            )
-        if layout.rubs != self.rubs or math.isinf(layout.friction) != math.isinf(
-            self.layout.friction
-        ):
+        layout, old = self.layout_of(self.dynamics, scene), self.layout
+        if layout.kind != old.kind:
+            raise ValueError(f"{self.name}: {layout.kind} needs other kernels than {old.kind}")
+        if layout.rubs != old.rubs or math.isinf(layout.friction) != math.isinf(old.friction):
             raise ValueError(
                 f"{self.name}: friction = {layout.friction:g} needs other kernels than "
-                f"{self.layout.friction:g}"
+                f"{old.friction:g}"
             )
         if layout.capacity > self.capacity:
             raise ValueError(

@@ -24,9 +24,6 @@ class Floor(SurfaceBody):
     touches_few = False
     meets_others = True
 
-    def __init__(self, dynamics: Dynamics, scene: "Scene"):
-        super().__init__(dynamics, self.layout_of(dynamics, scene))
-
     def layout_of(self, dynamics: Dynamics, scene: "Scene") -> Layout:
         """The layout of the scene's floor."""
         table = scene.floor

@@ -76,6 +76,9 @@ class Rings(RigidBody):
     friction; it separates freely. A node that gets beyond a face's plane through the opening does
     not touch the ring. Bonded, rim: listed nodes never move.
 
+    An elastic landing takes the node back to where it was a step earlier: its velocity turns round,
+    without slip along the ring, too.
+
     Attributes:
         slip: whether nodes may slide along the rings.
     """
@@ -83,6 +86,7 @@ class Rings(RigidBody):
     def __init__(self, dynamics: Dynamics, scene: "Scene"):
         layout = self.layout_of(dynamics, scene)
         self.listed_anew = layout.kind == "rings"
+        self.elastic = scene.lands_elastically and self.listed_anew
         self.slip = layout.friction < math.inf
         super().__init__(dynamics, layout)
 
@@ -128,8 +132,9 @@ class Rings(RigidBody):
         return close
 
     @ti.func
-    def held_at(self, s, k, j, i, now, spacing):
+    def held_at(self, number, now, spacing, time_step):
         """Whether a ring holds a node at the end of the step, and its displacement then."""
+        s, k, j, i = self.site_of(number)
         old = ti.cast(self.dynamics.node_displacement(now, s, k, j, i), ti.f64)
         new = ti.cast(self.dynamics.node_displacement(1 - now, s, k, j, i), ti.f64)
         rest = self.rest_position(s, k, j, i, spacing)
@@ -143,10 +148,24 @@ class Rings(RigidBody):
                     held, old.z = True, -above
                 elif below + new.z < 0 and below + old.z >= -slack:
                     held, old.z = True, -below
+        if ti.static(self.elastic):
+            if held:
+                held, old = self.turned_back(number, now, time_step, old, new)
         if ti.static(self.slip):
             if held:
                 old = self.slid(old, new)
         return held, old
+
+    @ti.func
+    def turned_back(self, number, now, time_step, on_ring, free):
+        """Whether an elastic landing takes a node to its last place, and that displacement."""
+        s, k, j, i = self.site_of(number)
+        place = ti.cast(self.dynamics.node_displacement(now, s, k, j, i), ti.f64)
+        place -= ti.cast(time_step, ti.f64) * ti.cast(self.before[number], ti.f64)
+        if ti.static(self.slip):
+            place.x, place.y = on_ring.x, on_ring.y  # friction stops the sliding
+        # a node that pulls away from the ring is free
+        return (free.z - place.z) * (free.z - on_ring.z) > 0, place
 
     @ti.func
     def slid(self, held, free):
@@ -168,7 +187,7 @@ class Rings(RigidBody):
                     ti.cast(self.dynamics.node_displacement(now, s, k, j, i), ti.f64),
                 )
                 if ti.static(self.listed_anew):
-                    held, target = self.held_at(s, k, j, i, now, spacing)
+                    held, target = self.held_at(number, now, spacing, time_step)
                 if held:
                     works += self.put(number, now, time_step, damping, target)
                 self.before[number] = self.dynamics.node_velocity(s, k, j, i)

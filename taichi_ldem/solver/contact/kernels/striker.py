@@ -64,7 +64,7 @@ class Striker(SurfaceBody):
         self.meets_others = number > 0
         nose = nose_of(self.table.shape)
         self.nose_surface, self.nose_number = ti.func(nose.surface), nose.number is not None
-        super().__init__(dynamics, self.layout_of(dynamics, scene))
+        super().__init__(dynamics, scene)
         self.state = field_apart(ti.f64, self.entries + 2 * self.prescribed)
 
     def layout_of(self, dynamics: Dynamics, scene: "Scene") -> Layout:
@@ -217,7 +217,7 @@ class Striker(SurfaceBody):
                 parts = ti.Vector.zero(ti.f64, self.width)
                 flight = self.flight(time_step)
                 for number in range(chunk * CHUNK, self.chunk_end(chunk)):
-                    depth, normal = self.overlap(number, now, spacing, flight)
+                    depth, normal = self.pushed(number, now, spacing, time_step, flight)
                     if depth > 0:
                         s, k, j, i = self.site_of(number)
                         mass = self.inertia(s, k, j, i, time_step, damping)

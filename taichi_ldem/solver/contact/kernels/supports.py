@@ -35,7 +35,7 @@ class Supports(SurfaceBody):
     def __init__(self, dynamics: Dynamics, scene: "Scene"):
         assert scene.supports is not None
         self.kind = scene.supports.kind
-        super().__init__(dynamics, self.layout_of(dynamics, scene))
+        super().__init__(dynamics, scene)
 
     def layout_of(self, dynamics: Dynamics, scene: "Scene") -> Layout:
         """The layout of the scene's supports.

@@ -1,7 +1,7 @@
 """Bodies that are given by their surface: the base of the striker, the supports and the floor."""
 
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import taichi as ti
@@ -9,6 +9,11 @@ import taichi as ti
 from taichi_ldem.errors import SceneError
 from taichi_ldem.model.lattice import Lattice
 from taichi_ldem.solver.contact.kernels.body import CHUNK, SLACK, RigidBody
+from taichi_ldem.solver.contact.kernels.nearby import vec3d
+from taichi_ldem.solver.dynamics import Dynamics
+
+if TYPE_CHECKING:
+    from taichi_ldem.scene import Scene
 
 
 def list_capacity(lattice: Lattice, diameter: float, *, along_y: bool) -> int:
@@ -69,10 +74,20 @@ class SurfaceBody(RigidBody):
     other debris may get inside before it is listed. Moving it out in one step would give it energy
     (half a module in a step is a kilometre a second), so it is only kept from getting deeper, and
     leaves freely.
+
+    An elastic landing turns the node back before it gets inside: seen from the body, its velocity
+    along the normal half a step after t_n is the opposite of that half a step before. The works of
+    its impulse on node and body, taken with the means of these velocities, then cancel exactly, for
+    any number of nodes and any mass of the body. A node that rests on the body has no velocity
+    before, so it stays; one that pulls away from it is free.
     """
 
     touches_few: ClassVar[bool] = True
     """Whether so few nodes are near that on the CPU one thread is faster than all."""
+
+    def __init__(self, dynamics: Dynamics, scene: "Scene"):
+        self.elastic = scene.lands_elastically
+        super().__init__(dynamics, self.layout_of(dynamics, scene))
 
     @ti.func
     def surface(self, position, displacement):
@@ -87,6 +102,11 @@ class SurfaceBody(RigidBody):
     def displacement_after(self, time_step):
         """The body's displacement at the end of the step, m; 0 for one that does not move."""
         return ti.cast(0.0, ti.f64)
+
+    @ti.func
+    def flight(self, time_step):
+        """The body's displacement at the end of the step without contact, m."""
+        return self.displacement_after(time_step)
 
     @ti.func
     def near(self, position, margin):
@@ -109,6 +129,41 @@ class SurfaceBody(RigidBody):
             if before > SLACK * spacing:
                 depth -= before
         return depth, normal
+
+    @ti.func
+    def turned_back(self, number, now, spacing, time_step, displacement):
+        """Way along the normal by which an elastic landing changes a step, m, and the normal.
+
+        Whether a node lands follows from the free flights, so that every part of the step has the
+        same landings.
+        """
+        s, k, j, i = self.site_of(number)
+        new = ti.cast(self.dynamics.node_displacement(1 - now, s, k, j, i), ti.f64)
+        place = self.rest_position(s, k, j, i, spacing) + new
+        distance, normal = self.surface(place, self.flight(time_step))
+        way = ti.cast(0.0, ti.f64)
+        if distance < 0:
+            old = ti.cast(self.dynamics.node_displacement(now, s, k, j, i), ti.f64)
+            both = self.seen_from(new - old, displacement) + self.last_way(number, time_step)
+            way = -both.dot(normal)
+        return way, normal
+
+    @ti.func
+    def last_way(self, number, time_step):
+        """Way of a node in the step before, as it is seen from the body, m."""
+        velocity = ti.cast(self.before[number], ti.f64)
+        velocity.z += self.velocities()[1]  # a body moves towards -z
+        return ti.cast(time_step, ti.f64) * velocity
+
+    @ti.func
+    def pushed(self, number, now, spacing, time_step, displacement):
+        """Way by which the body pushes a listed node along its normal, m, and the normal."""
+        way, normal = ti.cast(0.0, ti.f64), vec3d(0.0, 0.0, 1.0)
+        if ti.static(self.elastic):
+            way, normal = self.turned_back(number, now, spacing, time_step, displacement)
+        else:
+            way, normal = self.overlap(number, now, spacing, displacement)
+        return way, normal
 
     @ti.func
     def sliding(self, number, now, target, normal, displacement):
@@ -138,7 +193,7 @@ class SurfaceBody(RigidBody):
             displacement = self.displacement_after(time_step)
             for number in range(chunk * CHUNK, self.chunk_end(chunk)):
                 s, k, j, i = self.site_of(number)
-                depth, normal = self.overlap(number, now, spacing, displacement)
+                depth, normal = self.pushed(number, now, spacing, time_step, displacement)
                 if depth > 0:
                     new = ti.cast(self.dynamics.node_displacement(1 - now, s, k, j, i), ti.f64)
                     target = new + depth * normal

@@ -89,6 +89,12 @@ class UnguidedStriker(Striker):
         return way - (displacement - self.displacement_before())
 
     @ti.func
+    def last_way(self, number, time_step):
+        """Way of a node in the step before, as it is seen from the striker, m."""
+        velocity = ti.cast(self.before[number], ti.f64) - self.read(VELOCITY)
+        return ti.cast(time_step, ti.f64) * velocity
+
+    @ti.func
     def speed(self):
         """The striker's speed, m/s."""
         return ti.cast(self.read(VELOCITY).norm(), float)
