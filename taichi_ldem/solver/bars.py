@@ -9,7 +9,7 @@ change D of its length they count the energy (F_before + F_now) D / 2. That is e
 is a straight line. Where it bends within a step (at eps_p, where a bar fails, where it is stretched
 beyond its peak strain again, where a damaged one closes), energy would appear or vanish, and on
 average always in the same direction. What is missing is given back at once, by a force in this step
-that does just this work (``kink_force``): the energy decides over the force, as in a discrete
+that does just this work (``add_kink_force``): the energy decides over the force, as in a discrete
 gradient (Gonzalez 1996).
 
 Functions take the place of a column as a struct ``at`` with the integers ``k``, ``j``, ``m`` (the
@@ -240,18 +240,24 @@ class BarForces:
         """
         for lane in range(self.state.lanes.width):
             if (lanes >> lane) & 1:
+                bends, strains = 0, ti.Vector.zero(float, self.state.cell.bars)
+                peaks = ti.Vector.zero(float, self.state.cell.bars)
                 for bar in ti.static(range(self.state.cell.bars)):
                     whole = self.state.axial[bar][at.row, at.k, at.m][lane]
                     if self.may_soften(bar, whole, at, step, lane):
                         strain = self.strain(self.twice_green_strain(bar, at, step, lane))
-                        before = 0.0
+                        strains[bar] = strain
                         if ti.static(self.state.features.damage):
-                            before = self.state.peak[bar][at.k, at.j, at.m][lane]
+                            peaks[bar] = self.state.peak[bar][at.k, at.j, at.m][lane]
                         share = self.updated_integrity(bar, strain, at, step, lane)
-                        force = share * whole
+                        self.state.axial[bar][at.row, at.k, at.m][lane] = share * whole
                         if ti.static(self.state.features.damage):
-                            force += self.kink_force(bar, strain, before, at, step, lane)
-                        self.state.axial[bar][at.row, at.k, at.m][lane] = force
+                            bends |= self.may_bend(bar, peaks[bar], at, lane) << bar
+                if ti.static(self.state.features.damage):
+                    # not unrolled, as it is long and seldom needed
+                    for bar in range(self.state.cell.bars):
+                        if (bends >> bar) & 1:
+                            self.add_kink_force(bar, strains[bar], peaks[bar], at, step, lane)
 
     @ti.func
     def may_soften(self, bar: ti.template(), force, at: ti.template(), step: ti.template(), lane):
@@ -296,29 +302,26 @@ class BarForces:
 
     @ti.func
     def last_stretching(
-        self, bar: ti.template(), strain, at: ti.template(), step: ti.template(), lane
+        self, near, far, rest, strain, at: ti.template(), step: ti.template(), lane
     ):
         """Strain of a bar at the step less that one step before, from the velocities between.
 
         No node may have been moved in this step yet.
+
+        Args:
+            near, far: (4,) sublattice of an end, and offset (dz, dy, dx) of its site.
+            rest: (3,) vector between the ends in the regular lattice, in module edges.
         """
-        k, j, i = at.k, at.j, self.access.site_of(at.m, lane)
-        first, second = ti.static(self.state.cell.ends[bar])
-        a, b = ti.static(first[1], second[1])
-        along, square = 0.0, 0.0
-        for axis in ti.static(range(3)):
-            far = ti.static(self.state.velocity[second[0]][axis])
-            near = ti.static(self.state.velocity[first[0]][axis])
-            v = self.access.value(far, k + b[0], j + b[1], i + b[2])
-            v -= self.access.value(near, k + a[0], j + a[1], i + a[2])
-            x = step.spacing * ti.static(float(self.state.cell.vectors[bar][axis]))
-            if ti.static(self.state.features.perturbed):
-                x = step.spacing * self.perturbed_vector(bar, axis, at, lane)
-            x += self.relative_displacement(bar, axis, at, step, lane)
-            along += x * v
-            square += x * x
-        least = ti.static(TINY * self.state.cell.length_squared[bar]) * step.spacing * step.spacing
-        return step.drift * along * (1 + strain) / ti.max(square, least)
+        k, j, i, now = at.k, at.j, self.access.site_of(at.m, lane), step.now
+        s, a, b, c = near[0], k + near[1], j + near[2], i + near[3]
+        t, d, e, f = far[0], k + far[1], j + far[2], i + far[3]
+        v = self.access.velocity(t, d, e, f) - self.access.velocity(s, a, b, c)
+        x = step.spacing * rest
+        x += self.access.displacement(now, t, d, e, f) - self.access.displacement(now, s, a, b, c)
+        if ti.static(self.state.features.perturbed):
+            offset = self.access.offset(t, d, e, f, step.spacing)
+            x += ti.cast(offset - self.access.offset(s, a, b, c, step.spacing), float)
+        return step.drift * x.dot(v) * (1 + strain) / ti.max(x.dot(x), TINY * step.spacing**2)
 
     @ti.func
     def energy(self, bar: ti.template(), strain, peak, own):
@@ -331,10 +334,19 @@ class BarForces:
         return 0.5 * self.integrity(bar, e, p) * e * e + self.dissipated(bar, p) * own * own
 
     @ti.func
-    def kink_force(
-        self, bar: ti.template(), strain, before, at: ti.template(), step: ti.template(), lane
-    ):
-        """The force over current length that makes up for a bend of the law in the last step, N/m.
+    def may_bend(self, bar: ti.template(), before, at: ti.template(), lane):
+        """1 where the law of a bar may have bent in the last step, given its peak before it.
+
+        Failed bars that close and open again are left out: as debris under a striker, which is held
+        and pushed by much else at the same time, they would gain energy.
+        """
+        bends = self.state.peak[bar][at.k, at.j, at.m][lane] > 1
+        bends &= not self.has_failed(bar, before) and self.stiffness(bar, at, lane) > 0
+        return ti.cast(bends, ti.i32)
+
+    @ti.func
+    def add_kink_force(self, bar, strain, before, at: ti.template(), step: ti.template(), lane):
+        """Add the force that makes up for a bend of the law in the last step to a stored one.
 
         Let D be the last change of the bar's length and M the energy that (F_before + F_now) D / 2
         leaves out. An additional force C in this step does the work C (D + D') / 2, where D' is the
@@ -347,28 +359,56 @@ class BarForces:
         In the code, forces are over EA, and lengths over L0.
 
         Args:
+            bar: its number, not known when the kernel is compiled.
             before: peak strain over eps_p one step before.
         """
-        force = 0.0
-        after = self.state.peak[bar][at.k, at.j, at.m][lane]
-        # failed bars that close and open again are left out: as debris under a striker, which is
-        # held and pushed by much else at the same time, they would gain energy
-        bends = after > 1 and not self.has_failed(bar, before)
-        stiffness = self.stiffness(bar, at, lane)
-        if bends and stiffness > 0:
-            own = self.peak_strain(bar, at, lane, step.peak_strain)
-            change = ti.cast(self.last_stretching(bar, strain, at, step, lane), ti.f64)
-            old = strain - change
-            was, share = self.integrity(bar, old, before), self.integrity(bar, strain, after)
-            if was != share:
-                missing = self.energy(bar, strain, after, own) - self.energy(bar, old, before, own)
-                missing -= 0.5 * (was * old + share * strain) * change
-                soft = ti.cast(stiffness * self.mobility(bar, at, lane), ti.f64)
-                soft *= step.kick * step.drift
-                way = change + 0.5 * soft * (was - share) * strain
-                force = stiffness * ti.cast(self.root(way, soft, missing), float)
-                force /= ti.max(1 + strain, ti.static(TINY**0.5))
-        return force
+        near, far, rest = ti.Vector([0] * 4), ti.Vector([0] * 4), ti.Vector.zero(float, 3)
+        family, after, own, stiffness = 0, 0.0, 0.0, 0.0
+        for one in ti.static(range(self.state.cell.bars)):
+            if one == bar:
+                near, far = self.end(one, 0), self.end(one, 1)
+                rest = self.vector(one)
+                family = self.state.cell.family[one]
+                after = self.state.peak[one][at.k, at.j, at.m][lane]
+                own = self.peak_strain(one, at, lane, step.peak_strain)
+                stiffness = self.stiffness(one, at, lane)
+        change = ti.cast(self.last_stretching(near, far, rest, strain, at, step, lane), ti.f64)
+        missing, loss = self.left_out(family, strain, change, before, after, own)
+        soft = ti.cast(stiffness * self.mobility(near, far, at, lane), ti.f64)
+        soft *= step.kick * step.drift
+        force = stiffness * ti.cast(self.root(change + 0.5 * soft * loss, soft, missing), float)
+        force /= ti.max(1 + strain, ti.static(TINY**0.5))
+        for one in ti.static(range(self.state.cell.bars)):
+            if one == bar:
+                stored = self.state.axial[one][at.row, at.k, at.m][lane]
+                self.state.axial[one][at.row, at.k, at.m][lane] = stored + force
+
+    @ti.func
+    def end(self, bar: ti.template(), which: ti.template()):
+        """(4,) sublattice of an end of a bar, and offset (dz, dy, dx) of its site."""
+        s, offset = ti.static(self.state.cell.ends[bar][which])
+        return ti.Vector([s, offset[0], offset[1], offset[2]])
+
+    @ti.func
+    def vector(self, bar: ti.template()):
+        """(3,) vector between the ends of a bar in the regular lattice, in module edges."""
+        return ti.Vector([ti.static(float(self.state.cell.vectors[bar][n])) for n in range(3)])
+
+    @ti.func
+    def left_out(self, family, strain, change, before, after, own):
+        """M of a bar over EA L0, and the loss of pull over EA; 0 where its law has not bent."""
+        missing, loss = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
+        old = strain - change
+        for one in ti.static(range(self.state.cell.families)):
+            if one == family:
+                bar = ti.static(self.state.cell.family.index(one))
+                was, share = self.integrity(bar, old, before), self.integrity(bar, strain, after)
+                if was != share:
+                    missing = self.energy(bar, strain, after, own)
+                    missing -= self.energy(bar, old, before, own)
+                    missing -= 0.5 * (was * old + share * strain) * change
+                    loss = ti.cast((was - share) * strain, ti.f64)
+        return missing, loss
 
     @ti.func
     def root(self, way, soft, missing):
@@ -384,13 +424,11 @@ class BarForces:
         return result
 
     @ti.func
-    def mobility(self, bar: ti.template(), at: ti.template(), lane):
-        """Sum of the inverse masses of a bar's ends, 1/kg."""
-        total, i = 0.0, self.access.site_of(at.m, lane)
-        for end in ti.static(range(2)):
-            s, o = ti.static(self.state.cell.ends[bar][end])
-            total += 1 / self.access.mass(s, at.k + o[0], at.j + o[1], i + o[2])
-        return total
+    def mobility(self, near, far, at: ti.template(), lane):
+        """Sum of the inverse masses of a bar's ends (``end``), 1/kg."""
+        k, j, i = at.k, at.j, self.access.site_of(at.m, lane)
+        first = self.access.mass(near[0], k + near[1], j + near[2], i + near[3])
+        return 1 / first + 1 / self.access.mass(far[0], k + far[1], j + far[2], i + far[3])
 
     # -- the pass ----------------------------------------------------------------------------------
 

@@ -140,13 +140,6 @@ class Step:
                 self.forces(ti.Struct(row=row, k=k, j=j, m=m), step)
 
     @ti.func
-    def border_row(self, n, step: ti.template()):
-        """Pass 1 for one of the rows at the borders of strips: two for each border."""
-        strip = n // 2 + 1
-        j = self.first_row(strip) - 1 + n % 2
-        self.force_row(self.bar_row(strip, j), j, step)
-
-    @ti.func
     def node_row(self, strip, j, step: ti.template(), measure):
         """Pass 2 for a row; ``measure`` is tested once a row and needs no kernel of its own."""
         if measure != 0:
@@ -167,28 +160,29 @@ class Step:
             self.state.node_sums[j] = sums
 
     @ti.func
-    def strip_step(self, strip, step: ti.template(), measure):
-        """Both passes for a strip of rows, a row of bars ahead of the nodes."""
-        own = ti.static(RING * self.state.layout.strips)
-        begin, end = self.first_row(strip), self.first_row(strip + 1)
-        for j in range(begin - 1, end + 1):
+    def strip_step(self, strip, step: ti.template(), measure, borders):
+        """Both passes for a strip of rows, a row of bars ahead of the nodes.
+
+        Args:
+            borders: not 0: pass 1 alone, for the two rows at the strip's first border.
+        """
+        zeros = ti.static(RING * self.state.layout.strips)
+        begin, last = self.first_row(strip), self.first_row(strip + 1)
+        if borders != 0:
+            last = begin
+        for j in range(begin - 1, last + 1):
             row = self.bar_row(strip, j)
-            if row < own:
+            if (borders == 0 and row < zeros) or (borders != 0 and row > zeros):
                 self.force_row(row, j, step)
-            if j > begin:
+            if borders == 0 and j > begin:
                 self.node_row(strip, j - 1, step, measure)
 
     @ti.kernel
-    def _in_strips(self, now: int, numbers: StepNumbers, measure: int):
-        if ti.static(self.state.layout.strips > 1):
-            for turn in range(2 * (self.state.layout.strips - 1) * TURNS):
-                if turn % TURNS == 0:
-                    step = self.rounded(now, numbers)
-                    self.border_row(turn // TURNS, step)
+    def _in_strips(self, now: int, numbers: StepNumbers, measure: int, borders: int):
         for turn in range(self.state.layout.strips * TURNS):
             if turn % TURNS == 0:
                 step = self.rounded(now, numbers)
-                self.strip_step(turn // TURNS, step, measure)
+                self.strip_step(turn // TURNS, step, measure, borders)
 
     @ti.func
     def part_in_strip(self, part: ti.template(), begin: ti.template(), strip, step: ti.template()):
@@ -224,7 +218,7 @@ class Step:
                 step = self.rounded((now + n) % 2, numbers)
                 for part, begin in ti.static(self.first):
                     self.part_in_strip(part, begin, 0, step)
-                self.strip_step(0, step, measure)
+                self.strip_step(0, step, measure, 0)
                 if ti.static(self.touches()):
                     if resolve != 0:
                         self.contact(step.now, numbers)
@@ -295,10 +289,15 @@ class Step:
         if self.state.layout.alone:
             self._alone(now, numbers, 1, measure, 0)
             return
-        if self.state.in_strips and self.first:
+        if not self.state.in_strips:
+            self._in_passes(now, numbers, measure)
+            return
+        if self.first:
             self._first(now, numbers)
-        launch = self._in_strips if self.state.in_strips else self._in_passes
-        launch(now, numbers, measure)
+        if self.state.layout.strips > 1:
+            # a launch of its own, as code that stands twice in a kernel is compiled twice
+            self._in_strips(now, numbers, measure, 1)
+        self._in_strips(now, numbers, measure, 0)
 
     def kick(self, now: int, time_step: float, damping: float = 0.0) -> None:
         """Change the velocities by the bar forces over a time step; nodes do not move."""

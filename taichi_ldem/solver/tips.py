@@ -177,7 +177,10 @@ class CrackTips:
                     enough &= whole > 0
                 if enough and ratio <= PASSED:
                     # in the step that ends here the force has fallen to zero already
-                    lost = strain - self.bars.last_stretching(bar, strain, at, step, lane)
+                    near, far = self.bars.end(bar, 0), self.bars.end(bar, 1)
+                    rest = self.bars.vector(bar)
+                    change = self.bars.last_stretching(near, far, rest, strain, at, step, lane)
+                    lost = strain - change
                     released = self.bars.dissipated(bar, peak) + 0.5 * force * lost / (own * own)
                     self.set_failed(bar, at, lane, released)
 
