@@ -14,7 +14,7 @@ gradient (Gonzalez 1996).
 
 Functions take the place of a column as a struct ``at`` with the integers ``k``, ``j``, ``m`` (the
 column) and, where bar scalars are stored, ``row`` (of ``State.axial``). The struct ``step`` holds
- the buffer ``now`` and the numbers of the step (see ``solver.step``).
+the buffer ``now`` and the numbers of the step (see ``solver.step``).
 """
 
 from typing import Any
@@ -413,7 +413,7 @@ class BarForces:
     @ti.func
     def root(self, way, soft, missing):
         """The smaller C of C (way - soft C / 2) = missing, or of the closest that C can reach."""
-        most = way * way / (2 * soft)
+        most = way * way / ti.max(2 * soft, 1e-30)  # nodes that are only kicked do not move
         energy = ti.max(-most, ti.min(most, missing))
         size = ti.abs(way) + ti.sqrt(ti.max(way * way - 2 * soft * energy, 0.0))
         result = 0 * way
