@@ -5,8 +5,9 @@ into the other of two buffers, so no node sees a neighbour that has already been
 passes are gathers: nothing is summed atomically, and results do not depend on the number of
 threads.
 
-``at`` and ``step`` are the structs of ``bars``. ``rows`` holds the rows of ``State.axial`` for the
-sites at j - 1, j and j + 1.
+``at`` and ``step`` are the structs of ``bars``. In strips, ``at`` also has the ``strip`` that keeps
+the velocities of a measured row. ``rows`` holds the rows of ``State.axial`` for the sites at
+j - 1, j and j + 1.
 """
 
 import taichi as ti

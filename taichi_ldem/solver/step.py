@@ -258,14 +258,14 @@ class Step:
                 rows = ti.Vector([j - 1, j, j + 1])
                 sums = ti.Vector.zero(ti.f64, 2)
                 for m in range(begin + piece * piece_length, self.piece_end(piece)):
-                    at = ti.Struct(strip=0, k=k, j=j, m=m)
+                    at = ti.Struct(k=k, j=j, m=m)
                     sums += self.nodes.update_column(rows, at, step, True)
                 self.state.node_sums[(j * nz + k) * pieces + piece] = sums
         else:
             for j, k, m in ti.ndrange((1, ny - 1), (1, nz - 1), (begin, end)):
                 step = self.rounded(now, numbers)
                 rows = ti.Vector([j - 1, j, j + 1])
-                at = ti.Struct(strip=0, k=k, j=j, m=m)
+                at = ti.Struct(k=k, j=j, m=m)
                 self.nodes.update_column(rows, at, step, False)
 
     @ti.kernel
