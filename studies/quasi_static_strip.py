@@ -1,13 +1,14 @@
 """What a crack costs by the rule of `material.fracture = "crack"`, in a solver of its own.
 
-    python -m studies.quasi_static_strip [--angle DEGREES ...]
+    python -m studies.quasi_static_strip [--angle DEGREES ...] [--longitudinal AREA]
 
 A strip of one cell of the lattice through its thickness, periodic along it, is solved statically
 and for small strains with SciPy's sparse LU. Nothing here comes from the program but the paper's
 stiffness and fracture areas. The bar that needs the smallest load by the rule is removed, the strip
 is solved again, and so on. The cost of the crack is the largest load that it needs after the first
 third of its way, as the energy stored ahead of it over G_f. No length of the material enters: the
-rule knows G_f only.
+rule knows G_f only. ``--longitudinal`` gives longitudinal bars another fracture area, and diagonals
+what a plane (100) then leaves for them.
 """
 
 import argparse
@@ -54,9 +55,21 @@ class Rule:
     bars: int = 4
 
 
-def unit_bars() -> list[tuple[int, int, tuple[float, float, float], float, float]]:
+def family_areas(longitudinal: float | None) -> tuple[float, float]:
+    """Fracture areas of a longitudinal and a diagonal bar, L^2: of the former, or the paper's.
+
+    A plane (100) cuts two longitudinal bars and four diagonals per L^2 (Eqs. (4) to (8)).
+    """
+    if longitudinal is None:
+        return fracture_areas(NU)
+    return longitudinal, (1 - 2 * longitudinal) / 4
+
+
+def unit_bars(
+    longitudinal: float | None = None,
+) -> list[tuple[int, int, tuple[float, float, float], float, float]]:
     """Bars of a module: sublattices of the ends, vector, EA (E = L = 1), fracture area."""
-    stiffness, areas = axial_stiffness(1.0, NU, 1.0), fracture_areas(NU)
+    stiffness, areas = axial_stiffness(1.0, NU, 1.0), family_areas(longitudinal)
     along = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
     bars = [(s, s, axis, stiffness[0], areas[0]) for s in (0, 1) for axis in along]
     for x, y, z in itertools.product((-0.5, 0.5), repeat=3):
@@ -73,10 +86,10 @@ class Strip:
         released: G at this separation by linear elasticity.
     """
 
-    def __init__(self, angle: float, shift: tuple[float, float]):
+    def __init__(self, angle: float, shift: tuple[float, float], longitudinal: float | None = None):
         self.turn = math.radians(angle)
         places, ends, kinds = self._cut(shift)
-        bars = unit_bars()
+        bars = unit_bars(longitudinal)
         vectors = np.array([bar[2] for bar in bars])
         length = np.linalg.norm(vectors, axis=1)
         c, s = math.cos(self.turn), math.sin(self.turn)
@@ -158,12 +171,31 @@ class Strip:
         return np.asarray(np.where(at_tip, work / (self.area * self.released), 0.0))
 
 
-def cost(angle: float, rule: Rule, shift: tuple[float, float] = (0.0, 0.0)) -> float:
-    """G_c / G_f of a crack whose notch lies at an angle to a plane (100), degrees."""
-    strip = Strip(angle, shift)
+@dataclass(frozen=True)
+class Crack:
+    """What a crack did.
+
+    Attributes:
+        cost: G_c / G_f.
+        turned: by how much its path leaves the notch's direction, degrees, positive towards (100).
+    """
+
+    cost: float
+    turned: float
+
+
+def grow(
+    angle: float,
+    rule: Rule,
+    shift: tuple[float, float] = (0.0, 0.0),
+    longitudinal: float | None = None,
+) -> Crack:
+    """Let a crack grow whose notch lies at an angle to a plane (100), degrees."""
+    strip = Strip(angle, shift, longitudinal)
     aside = np.abs(strip.middle[:, 0]) > 0.3 * HEIGHT
     aside |= strip.middle[:, 1] < strip.tip - 3
     front, most = 0.0, 0.0
+    notched = ~strip.alive
     while front < ADVANCE:
         share = np.where(aside, 0.0, strip.share(strip.solve(), rule))
         if front > ADVANCE / 3:
@@ -171,22 +203,29 @@ def cost(angle: float, rule: Rule, shift: tuple[float, float] = (0.0, 0.0)) -> f
         fails = share > (1 - 1e-3) * share.max()
         strip.alive[fails] = False
         front = max(front, strip.middle[fails, 1].max() - strip.tip)
-    return float(most)
+    across, along = strip.middle[~strip.alive & ~notched].T
+    way = along - strip.tip > ADVANCE / 4
+    slope = np.polyfit(along[way], across[way], 1)[0]
+    return Crack(float(most), math.degrees(math.atan(slope)))
 
 
 def main(words: Sequence[str] | None = None) -> None:
-    """Print the cost for each angle."""
+    """Print cost and path for each angle."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--angle", type=float, action="append", help="degrees; may be repeated")
+    parser.add_argument("--longitudinal", type=float, metavar="AREA", help="fracture area, L^2")
     parser.add_argument("--most", type=float, default=Rule.most, help="see Rule")
     parser.add_argument("--passed", type=float, default=Rule.passed, help="see Rule")
     parser.add_argument("--bars", type=int, default=Rule.bars, help="see Rule")
     options = parser.parse_args(words)
     rule = Rule(options.most, options.passed, options.bars)
     for angle in options.angle or (0.0, 15.0, 22.5, 30.0, 45.0):
-        costs = [cost(angle, rule, shift) for shift in SHIFTS]
+        found = [grow(angle, rule, shift, options.longitudinal) for shift in SHIFTS]
+        costs, turned = ([f"{getattr(c, name):.2f}" for c in found] for name in ("cost", "turned"))
         print(
-            f"{angle:5.1f} degrees: G_c / G_f = {' '.join(f'{c:.2f}' for c in costs)}", flush=True
+            f"{angle:5.1f} degrees: G_c / G_f = {' '.join(costs)}, "
+            f"path turns towards (100) by {' '.join(turned)} degrees",
+            flush=True,
         )
 
 

@@ -362,12 +362,10 @@ class BarForces:
             bar: its number, not known when the kernel is compiled.
             before: peak strain over eps_p one step before.
         """
-        near, far, rest = ti.Vector([0] * 4), ti.Vector([0] * 4), ti.Vector.zero(float, 3)
+        near, far, rest = self.ends(bar)
         family, after, own, stiffness = 0, 0.0, 0.0, 0.0
         for one in ti.static(range(self.state.cell.bars)):
             if one == bar:
-                near, far = self.end(one, 0), self.end(one, 1)
-                rest = self.vector(one)
                 family = self.state.cell.family[one]
                 after = self.state.peak[one][at.k, at.j, at.m][lane]
                 own = self.peak_strain(one, at, lane, step.peak_strain)
@@ -382,6 +380,16 @@ class BarForces:
             if one == bar:
                 stored = self.state.axial[one][at.row, at.k, at.m][lane]
                 self.state.axial[one][at.row, at.k, at.m][lane] = stored + force
+
+    @ti.func
+    def ends(self, bar):
+        """Both ends of a bar and the vector between them; its number may be a run-time one."""
+        near, far, rest = ti.Vector([0] * 4), ti.Vector([0] * 4), ti.Vector.zero(float, 3)
+        for one in ti.static(range(self.state.cell.bars)):
+            if one == bar:
+                near, far = self.end(one, 0), self.end(one, 1)
+                rest = self.vector(one)
+        return near, far, rest
 
     @ti.func
     def end(self, bar: ti.template(), which: ti.template()):

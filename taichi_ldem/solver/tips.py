@@ -57,47 +57,54 @@ class CrackTips:
                 bits |= 1 << bar
             if stiffness[ti.static(self.state.cell.stiffness_kind[bar])] == 0:
                 bits &= ~(1 << bar)
-            if (bits >> bar) & 1 and (before >> bar) & 1 == 0:
-                self.mark_near(bar, at, lane)
         self.state.known[k, j, m][lane] = ti.cast(bits, ti.u16)
+        new = bits & ~before
+        if new != 0:
+            for bar in range(self.state.cell.bars):
+                if (new >> bar) & 1:
+                    near, far, _ = self.bars.ends(bar)
+                    self.mark_near(near, at, lane)
+                    self.mark_near(far, at, lane)
 
     @ti.func
-    def mark_near(self, bar: ti.template(), at: ti.template(), lane):
-        """Mark the columns whose bars may share a node with one; all threads write the same."""
+    def mark_near(self, end, at: ti.template(), lane):
+        """Mark the columns whose bars may share a node; all threads write the same.
+
+        Args:
+            end: (4,) see ``BarForces.end``.
+        """
         i = self.access.site_of(at.m, lane)
-        for end in ti.static(range(2)):
-            o = ti.static(self.state.cell.ends[bar][end][1])
-            for dz, dy, dx in ti.ndrange((-1, 2), (-1, 2), (-1, 2)):
-                k, j, there = at.k + o[0] + dz, at.j + o[1] + dy, i + o[2] + dx
-                inside = 0 < k < ti.static(self.state.sites[0] - 1)
-                inside &= 0 < j < ti.static(self.state.sites[1] - 1)
-                inside &= 0 < there < ti.static(self.state.sites[2] - 1)
-                if inside:
-                    m, _ = self.access.column_of(there)
-                    self.state.near[k, j, m] = ti.cast(1, ti.u8)
+        for dz, dy, dx in ti.ndrange((-1, 2), (-1, 2), (-1, 2)):
+            k, j, there = at.k + end[1] + dz, at.j + end[2] + dy, i + end[3] + dx
+            inside = 0 < k < ti.static(self.state.sites[0] - 1)
+            inside &= 0 < j < ti.static(self.state.sites[1] - 1)
+            inside &= 0 < there < ti.static(self.state.sites[2] - 1)
+            if inside:
+                m, _ = self.access.column_of(there)
+                self.state.near[k, j, m] = ti.cast(1, ti.u8)
 
     @ti.func
-    def is_known(self, bar: ti.template(), at: ti.template(), lane):
+    def is_known(self, bar, at: ti.template(), lane):
         """Whether a bar had failed or was removed before this step."""
         return (int(self.state.known[at.k, at.j, at.m][lane]) >> bar) & 1 != 0
 
     @ti.func
-    def forget_openings(self, bar: ti.template(), at: ti.template(), lane):
-        """Set the openings at the two nodes of a failed bar to zero."""
-        i = self.access.site_of(at.m, lane)
-        for end in ti.static(range(2)):
-            s, o = ti.static(self.state.cell.ends[bar][end])
-            self.state.opening[s][at.k + o[0], at.j + o[1], i + o[2]] = 0.0
-            self.state.failed[s][at.k + o[0], at.j + o[1], i + o[2]] = 0
+    def forget_openings(self, end, at: ti.template(), lane):
+        """Set the opening at an end of a failed bar to zero."""
+        k, j, i = at.k + end[1], at.j + end[2], self.access.site_of(at.m, lane) + end[3]
+        for s in ti.static(range(self.state.cell.sublattices)):
+            if s == end[0]:
+                self.state.opening[s][k, j, i] = 0.0
+                self.state.failed[s][k, j, i] = 0
 
     @ti.func
-    def raise_opening(self, bar: ti.template(), at: ti.template(), lane, elongation):
-        """Let the two nodes of a failed bar have at least its elongation as their opening, m."""
-        i = self.access.site_of(at.m, lane)
-        for end in ti.static(range(2)):
-            s, o = ti.static(self.state.cell.ends[bar][end])
-            ti.atomic_max(self.state.opening[s][at.k + o[0], at.j + o[1], i + o[2]], elongation)
-            ti.atomic_add(self.state.failed[s][at.k + o[0], at.j + o[1], i + o[2]], 1)
+    def raise_opening(self, end, at: ti.template(), lane, elongation):
+        """Let an end of a failed bar have at least the bar's elongation as its opening, m."""
+        k, j, i = at.k + end[1], at.j + end[2], self.access.site_of(at.m, lane) + end[3]
+        for s in ti.static(range(self.state.cell.sublattices)):
+            if s == end[0]:
+                ti.atomic_max(self.state.opening[s][k, j, i], elongation)
+                ti.atomic_add(self.state.failed[s][k, j, i], 1)
 
     @ti.func
     def strain(self, bar: ti.template(), at: ti.template(), step: ti.template(), lane):
@@ -156,55 +163,73 @@ class CrackTips:
         return total / ti.max(count, 1.0) * (4 * nu - 1) / (5 - 10 * nu)
 
     @ti.func
-    def fail_at_tip(self, bar: ti.template(), at: ti.template(), step: ti.template(), lane):
-        """Let a bar fail if this releases what it costs."""
-        opening = self.opening_at(bar, at, lane)
-        if opening > 0 and not self.is_known(bar, at, lane):
-            strain = self.strain(bar, at, step, lane)
-            if strain > 0:
-                own = self.bars.peak_strain(bar, at, lane, step.peak_strain)
-                peak = ti.max(self.state.peak[bar][at.k, at.j, at.m][lane], strain / own)
-                force, whole = self.bars.integrity(bar, strain, peak) * strain, strain
+    def fail_at_tip(self, bar, strain, opening, at: ti.template(), step: ti.template(), lane):
+        """Let a bar fail if this releases what it costs.
+
+        Args:
+            bar: its number, not known when the kernel is compiled.
+            strain: its engineering strain, more than 0.
+            opening: the larger one at its two nodes, m.
+        """
+        family, own, peak, cost, length, pull = 0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for one in ti.static(range(self.state.cell.bars)):
+            if one == bar:
+                family = self.state.cell.family[one]
+                own = self.bars.peak_strain(one, at, lane, step.peak_strain)
+                peak = self.state.peak[one][at.k, at.j, at.m][lane]
+                cost = self.cost(one, at, lane, step)
+                length = self.length_at_rest(one, at, step, lane)
                 if ti.static(self.state.features.volumetric):
-                    pull = self.strain_of_volumes(bar, at, lane, step)
-                    force += pull
-                    # as a bar with the material's E, not that of the bars, is strained
-                    whole = (whole + pull) * (1 + QUARTER) / (1 + step.poisson_ratio)
-                ratio = opening / (self.length_at_rest(bar, at, step, lane) * whole)
-                parts = whole * ti.min(ratio, ti.static(self.state.cell.opening))
-                enough = force * parts >= 2 * self.cost(bar, at, lane, step)
-                if ti.static(self.state.features.volumetric):
-                    enough &= whole > 0
-                if enough and ratio <= PASSED:
-                    # in the step that ends here the force has fallen to zero already
-                    near, far = self.bars.end(bar, 0), self.bars.end(bar, 1)
-                    rest = self.bars.vector(bar)
-                    change = self.bars.last_stretching(near, far, rest, strain, at, step, lane)
-                    lost = strain - change
-                    released = self.bars.dissipated(bar, peak) + 0.5 * force * lost / (own * own)
-                    self.set_failed(bar, at, lane, released)
+                    pull = self.strain_of_volumes(one, at, lane, step)
+        peak = ti.max(peak, strain / own)
+        force, dissipated = self.pull_and_loss(family, strain, peak)
+        whole = strain
+        if ti.static(self.state.features.volumetric):
+            force += pull
+            # as a bar with the material's E, not that of the bars, is strained
+            whole = (whole + pull) * (1 + QUARTER) / (1 + step.poisson_ratio)
+        ratio = opening / (length * whole)
+        parts = whole * ti.min(ratio, ti.static(self.state.cell.opening))
+        enough = force * parts >= 2 * cost
+        if ti.static(self.state.features.volumetric):
+            enough &= whole > 0
+        if enough and ratio <= PASSED:
+            # in the step that ends here the force has fallen to zero already
+            near, far, rest = self.bars.ends(bar)
+            change = self.bars.last_stretching(near, far, rest, strain, at, step, lane)
+            lost = strain - change
+            self.set_failed(bar, at, lane, dissipated + 0.5 * force * lost / (own * own))
 
     @ti.func
-    def set_failed(self, bar: ti.template(), at: ti.template(), lane, released):
+    def pull_and_loss(self, family, strain, peak):
+        """Force of a bar over EA, and the energy that it has dissipated, over EA eps_p^2 L0."""
+        force, dissipated = 0.0, 0.0
+        for one in ti.static(range(self.state.cell.families)):
+            if one == family:
+                bar = ti.static(self.state.cell.family.index(one))
+                force = self.bars.integrity(bar, strain, peak) * strain
+                dissipated = self.bars.dissipated(bar, peak)
+        return force, dissipated
+
+    @ti.func
+    def set_failed(self, bar, at: ti.template(), lane, released):
         """Let a bar be failed, here and where its column is repeated.
 
         Args:
             released: energy that it has dissipated, over EA eps_p^2 L0.
         """
-        k, j, m = at.k, at.j, at.m
+        k, j = at.k, at.j
         length, width = ti.static(self.state.lanes.length, self.state.lanes.width)
-        self.put_failed(bar, k, j, m, lane, released)
-        if m < 2 * HALO and lane > 0:
-            self.put_failed(bar, k, j, m + length, lane - 1, released)
-        if m >= length and lane < width - 1:
-            self.put_failed(bar, k, j, m - length, lane + 1, released)
-
-    @ti.func
-    def put_failed(self, bar: ti.template(), k, j, m, lane, released):
-        """Write a failed bar at one place of the columns."""
-        self.state.peak[bar][k, j, m][lane] = -released
-        bits = int(self.state.touched[k, j, m]) | 1 << lane
-        self.state.touched[k, j, m] = ti.cast(bits, ti.u8)
+        for side in range(-1, 2):
+            m, own = at.m - side * length, lane + side
+            exists = side == 0 or (side < 0 and at.m < 2 * HALO and lane > 0)
+            exists = exists or (side > 0 and at.m >= length and lane < width - 1)
+            if exists:
+                for one in ti.static(range(self.state.cell.bars)):
+                    if one == bar:
+                        self.state.peak[one][k, j, m][own] = -released
+                bits = int(self.state.touched[k, j, m]) | 1 << own
+                self.state.touched[k, j, m] = ti.cast(bits, ti.u8)
 
     # -- the pass ----------------------------------------------------------------------------------
 
@@ -214,20 +239,27 @@ class CrackTips:
         if self.state.touched[at.k, at.j, at.m] != 0:
             for lane in range(self.state.lanes.width):
                 self.note_failed(at, lane)
-                for bar in ti.static(range(self.state.cell.bars)):
+                for bar in range(self.state.cell.bars):
                     if self.is_known(bar, at, lane):
-                        self.forget_openings(bar, at, lane)
+                        near, far, _ = self.bars.ends(bar)
+                        self.forget_openings(near, at, lane)
+                        self.forget_openings(far, at, lane)
 
     @ti.func
     def open(self, at: ti.template(), step: ti.template()):
         """Give the nodes of a column's failed bars their openings."""
         if self.state.touched[at.k, at.j, at.m] != 0:
             for lane in range(self.state.lanes.width):
+                elongations = ti.Vector.zero(float, self.state.cell.bars)
                 for bar in ti.static(range(self.state.cell.bars)):
                     if self.is_known(bar, at, lane):
                         strain = self.strain(bar, at, step, lane)
-                        length = self.length_at_rest(bar, at, step, lane)
-                        self.raise_opening(bar, at, lane, length * strain)
+                        elongations[bar] = self.length_at_rest(bar, at, step, lane) * strain
+                for bar in range(self.state.cell.bars):
+                    if self.is_known(bar, at, lane):
+                        near, far, _ = self.bars.ends(bar)
+                        self.raise_opening(near, at, lane, elongations[bar])
+                        self.raise_opening(far, at, lane, elongations[bar])
 
     @ti.func
     def fail(self, at: ti.template(), step: ti.template()):
@@ -235,5 +267,15 @@ class CrackTips:
         if self.state.near[at.k, at.j, at.m] != 0:
             for lane in range(self.state.lanes.width):
                 if int(self.state.code[at.k, at.j, at.m][lane]) != 0:
+                    at_tip, strains = 0, ti.Vector.zero(float, self.state.cell.bars)
+                    openings = ti.Vector.zero(float, self.state.cell.bars)
                     for bar in ti.static(range(self.state.cell.bars)):
-                        self.fail_at_tip(bar, at, step, lane)
+                        openings[bar] = self.opening_at(bar, at, lane)
+                        if openings[bar] > 0 and not self.is_known(bar, at, lane):
+                            strains[bar] = self.strain(bar, at, step, lane)
+                            if strains[bar] > 0:
+                                at_tip |= 1 << bar
+                    # not unrolled, as it is long and seldom needed
+                    for bar in range(self.state.cell.bars):
+                        if (at_tip >> bar) & 1:
+                            self.fail_at_tip(bar, strains[bar], openings[bar], at, step, lane)
