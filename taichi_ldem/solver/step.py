@@ -27,6 +27,11 @@ from taichi_ldem.solver.tips import CrackTips
 TURNS = 512
 """Least number of iterations of a parallel loop that Taichi gives to a CPU thread."""
 
+Part = tuple[Callable[..., None], Callable[..., None] | None, int]
+"""A part of the pass before pass 1: the function for a column, that for the columns of a row where
+there is a faster one, and the first column of a row.
+"""
+
 StepNumbers = ti.types.struct(
     spacing=ti.f64,
     kick=ti.f64,
@@ -91,19 +96,18 @@ class Step:
             self.volumes.column_forces(at, step)
 
     @cached_property
-    def first(self) -> tuple[tuple[Callable[..., None], int], ...]:
+    def first(self) -> tuple[Part, ...]:
         """Parts of the pass before pass 1, each after all of the one before it.
 
-        Returns:
-            for each part, the function for a column and the first column of a row. Nodes gather
-            from the modules of the column before their own, too.
+        Nodes gather from the modules of the column before their own, too.
         """
-        features, tips = self.state.features, self.tips
-        volumes = ((self.volumes.weaken, HALO - 1),)
-        parts = volumes if features.weakening else ()
-        if features.crack:
-            return ((tips.forget, HALO), *parts, (tips.open, HALO), (tips.fail, HALO))
-        return parts
+        volumes, tips = self.volumes, self.tips
+        parts = ((volumes.weaken, volumes.weaken_row, HALO - 1),)
+        chosen: tuple[Part, ...] = parts if self.state.features.weakening else ()
+        if self.state.features.crack:
+            opening = ((tips.open, None, HALO), (tips.fail, None, HALO))
+            chosen = ((tips.forget, None, HALO), *chosen, *opening)
+        return chosen
 
     # -- in strips ---------------------------------------------------------------------------------
 
@@ -185,24 +189,25 @@ class Step:
                 self.strip_step(turn // TURNS, step, measure, borders)
 
     @ti.func
-    def part_in_strip(self, part: ti.template(), begin: ti.template(), strip, step: ti.template()):
+    def part_in_strip(self, part: ti.template(), strip, step: ti.template()):
         """A part of the pass before pass 1 for the rows that a strip owns."""
+        column, row, begin = ti.static(part)
         for j in range(self.first_row(strip), self.first_row(strip + 1)):
             for k in range(1, self.state.sites[0] - 1):
                 end = ti.static(HALO + self.state.lanes.length)
-                if ti.static(part == self.volumes.weaken):
-                    self.volumes.weaken_row(k, j, begin, end, step)
+                if ti.static(row):
+                    row(k, j, begin, end, step)
                 else:
                     for m in range(begin, end):
-                        part(ti.Struct(k=k, j=j, m=m), step)
+                        column(ti.Struct(k=k, j=j, m=m), step)
 
     @ti.kernel
     def _first(self, now: int, numbers: StepNumbers):
-        for part, begin in ti.static(self.first):
+        for part in ti.static(self.first):
             for turn in range(self.state.layout.strips * TURNS):
                 if turn % TURNS == 0:
                     step = self.rounded(now, numbers)
-                    self.part_in_strip(part, begin, turn // TURNS, step)
+                    self.part_in_strip(part, turn // TURNS, step)
 
     # -- on one thread -----------------------------------------------------------------------------
 
@@ -216,8 +221,8 @@ class Step:
         for _ in range(1):
             for n in range(steps):
                 step = self.rounded((now + n) % 2, numbers)
-                for part, begin in ti.static(self.first):
-                    self.part_in_strip(part, begin, 0, step)
+                for part in ti.static(self.first):
+                    self.part_in_strip(part, 0, step)
                 self.strip_step(0, step, measure, 0)
                 if ti.static(self.touches()):
                     if resolve != 0:
@@ -246,9 +251,9 @@ class Step:
         nz, ny, _ = ti.static(self.state.sites)
         pieces, piece_length = ti.static(self.state.layout.pieces, self.state.layout.piece)
         begin, end = ti.static(HALO, HALO + self.state.lanes.length)
-        for part, start in ti.static(self.first):
+        for column, _, start in ti.static(self.first):
             for j, k, m in ti.ndrange((1, ny - 1), (1, nz - 1), (start, end)):
-                part(ti.Struct(k=k, j=j, m=m), self.rounded(now, numbers))
+                column(ti.Struct(k=k, j=j, m=m), self.rounded(now, numbers))
         for j, k, m in ti.ndrange((1, ny - 1), (1, nz - 1), (begin - 1, end + 1)):
             step = self.rounded(now, numbers)
             self.forces(ti.Struct(row=j, k=k, j=j, m=m), step)
