@@ -81,6 +81,7 @@ NUMBERS: dict[str, Number] = {
     "contact_striker_j": Number("lost in contact with the striker", "J"),
     "contact_rings_j": Number("lost in contact with the rings", "J"),
     "contact_supports_j": Number("lost in contact with the supports", "J"),
+    "contact_faces_j": Number("lost where faces of a crack met", "J"),
     "radial_cracks": Number("radial cracks"),
     "radial_diameter_m": Number("d_r, circle of the radial tips", *_MM),
     "radial_centre_m": Number("its centre", *_MM),

@@ -62,7 +62,7 @@ def summary(simulation: "Simulation", history: History, folder: RunFolder) -> di
 
 
 def _further_bodies(simulation: "Simulation", last: Mapping[str, Any]) -> dict[str, Any]:
-    """The numbers of strikers after the first, and of supports; nothing where there are none."""
+    """The numbers of what only some scenes have: more strikers, supports, faces that meet."""
     found = {}
     for number in range(2, len(simulation.scene.strikers) + 1):
         name = f"striker{number}"
@@ -70,6 +70,9 @@ def _further_bodies(simulation: "Simulation", last: Mapping[str, Any]) -> dict[s
         found[f"contact_{name}_j"] = simulation.contact_loss(name)
     if simulation.scene.supports is not None:
         found["contact_supports_j"] = simulation.contact_loss("supports")
+    if simulation.dynamics.features.meeting:
+        sums = simulation.energies
+        found["contact_faces_j"] = sums.lost_at_faces(sums.total())
     return found
 
 

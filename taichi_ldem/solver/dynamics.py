@@ -14,7 +14,9 @@ from taichi_ldem.model.cell import CENTRE, CORNER
 from taichi_ldem.model.lattice import Lattice
 from taichi_ldem.model.material import Bars
 from taichi_ldem.solver.access import NodeAccess
-from taichi_ldem.solver.bars import BarForces
+from taichi_ldem.solver.bar_forces import BarForces
+from taichi_ldem.solver.bars import LatticeBars
+from taichi_ldem.solver.bends import LawBends
 from taichi_ldem.solver.exchange import Exchange
 from taichi_ldem.solver.fields import Features
 from taichi_ldem.solver.nodes import NodeUpdate
@@ -60,11 +62,12 @@ class Dynamics(State):
         self.set_bars(bars)
         self.set_density(density)
         self.access = NodeAccess(self)
-        self.bars = BarForces(self, self.access)
+        self.bars = LatticeBars(self, self.access)
+        self.bar_forces = BarForces(self, self.bars, LawBends(self, self.bars, self.access))
         self.volumes = ModuleVolumes(self, self.bars)
         self.nodes = NodeUpdate(self, self.volumes)
         self.tips = CrackTips(self, self.bars, self.access)
-        self.driver = Step(self, self.bars, self.nodes, self.tips)
+        self.driver = Step(self, self.bar_forces, self.nodes, self.tips)
         self.exchange = Exchange(self, self.bars, self.access, self.driver)
         self._open_to_others()
 

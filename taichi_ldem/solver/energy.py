@@ -17,8 +17,6 @@ from taichi_ldem.solver.lanes import HALO
 from taichi_ldem.solver.state import field_apart
 
 STRAIN, FRACTURE, BROKEN, KINETIC, DAMPED = range(5)
-WORK = 5
-"""Of gravity; only where the lattice has it."""
 
 GROUP = 128
 """Number of pieces of rows whose sums one thread of a GPU adds up."""
@@ -98,18 +96,22 @@ class EnergySums:
 
     Attributes:
         rows: vectors in f64, one for each row of sites or piece of it: strain, fracture (J),
-            broken bars, work of gravity (J).
+            broken bars; then the work of gravity and what was lost where crack faces met (J), if
+            the lattice has them.
         group_sums: vectors in f64, as ``total`` returns them.
-        count: number of sums: 5, or 6 with gravity.
+        work, faces: places of those two in ``total``; None where there is none.
+        count: number of sums, 5 to 7.
     """
 
     def __init__(self, dynamics: Dynamics):
         self.state, self.bars, self.driver = dynamics, dynamics.bars, dynamics.driver
         self.volumes = dynamics.volumes
         nz, ny, _ = dynamics.sites
-        weighs = int(dynamics.features.gravity)
-        self.count = 5 + weighs
-        self.rows = field_apart(ti.f64, nz * ny * dynamics.layout.pieces, 3 + weighs)
+        weighs, meet = dynamics.features.gravity, dynamics.features.meeting
+        self.work = 5 if weighs else None
+        self.faces = 5 + weighs if meet else None
+        self.count = 5 + weighs + meet
+        self.rows = field_apart(ti.f64, nz * ny * dynamics.layout.pieces, self.count - 2)
         rows = max(part.shape[0] for part in (self.rows, dynamics.node_sums))
         self.group = rows if dynamics.on_cpu else GROUP
         self.group_sums = field_apart(ti.f64, -(-rows // self.group), self.count)
@@ -163,7 +165,7 @@ class EnergySums:
             step = ti.Struct(
                 now=now, spacing=spacing, peak_strain=peak_strain, volumetric=volumetric
             )
-            total, work = ti.Vector.zero(ti.f64, 3), ti.cast(0.0, ti.f64)
+            total, more = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 2)
             k, j = row // pieces // ny, row // pieces % ny
             piece = row % pieces
             if k > 0 and j > 0 and k < nz - 1 and j < ny - 1:
@@ -180,11 +182,17 @@ class EnergySums:
                         total[0] += stored
                         total[1] += lost
                     if ti.static(self.state.features.gravity):
-                        work += self.work_of_gravity(at, step)
+                        more[0] += self.work_of_gravity(at, step)
+                    if ti.static(self.state.features.meeting):
+                        lost = self.state.face_loss[k, j, m]
+                        for lane in ti.static(range(self.state.lanes.width)):
+                            more[1] += ti.cast(lost[lane], ti.f64)
+            for n in ti.static(range(3)):
+                self.rows[row][n] = total[n]
             if ti.static(self.state.features.gravity):
-                self.rows[row] = ti.Vector([total[0], total[1], total[2], work], ti.f64)
-            else:
-                self.rows[row] = total
+                self.rows[row][3] = more[0]
+            if ti.static(self.state.features.meeting):
+                self.rows[row][ti.static(self.count - 3)] = more[1]
 
     def potential(self, now: int) -> None:
         """Sum strain energy, dissipated energy and broken bars at the displacement ``now``."""
@@ -203,7 +211,7 @@ class EnergySums:
                 nodes += self.state.node_sums[row]
             sums = ti.Vector.zero(ti.f64, self.count)
             for n in ti.static(range(self.rows.n)):
-                sums[n if n < KINETIC else WORK] = bars[n]
+                sums[n if n < KINETIC else n + 2] = bars[n]
             sums[KINETIC], sums[DAMPED] = nodes[0], nodes[1]
             self.group_sums[group] = sums
 
@@ -225,10 +233,18 @@ class EnergySums:
                 values[n] = total[n]
 
     def total(self) -> npt.NDArray[np.float64]:
-        """(5,) sums over the plate: strain, fracture, broken bars, kinetic, damped.
+        """(count,) sums over the plate: strain, fracture, broken bars, kinetic, damped.
 
-        With gravity, the sixth is its work.
+        Then come those at ``work`` and ``faces``.
         """
         values = np.zeros(self.count)
         self._total(values)
         return values
+
+    def work_of_gravity_in(self, total: npt.NDArray[np.float64]) -> float:
+        """The work of gravity among the sums of ``total``, J; 0 without gravity."""
+        return 0.0 if self.work is None else float(total[self.work])
+
+    def lost_at_faces(self, total: npt.NDArray[np.float64]) -> float:
+        """What was lost where crack faces met, among the sums of ``total``, J."""
+        return 0.0 if self.faces is None else float(total[self.faces])

@@ -5,7 +5,7 @@ import numpy.typing as npt
 import taichi as ti
 
 from taichi_ldem.solver.access import NodeAccess
-from taichi_ldem.solver.bars import BarForces
+from taichi_ldem.solver.bars import LatticeBars
 from taichi_ldem.solver.lanes import HALO
 from taichi_ldem.solver.state import State
 from taichi_ldem.solver.step import Step
@@ -18,7 +18,7 @@ BATCH = 65536
 class Exchange:
     """Copies fields to and from NumPy arrays, and lists broken bars."""
 
-    def __init__(self, state: State, bars: BarForces, access: NodeAccess, step: Step):
+    def __init__(self, state: State, bars: LatticeBars, access: NodeAccess, step: Step):
         self.state, self.bars, self.access, self.step = state, bars, access, step
 
     @ti.kernel

@@ -160,6 +160,11 @@ class Features:
         return self.damage or self.notch
 
     @property
+    def meeting(self) -> bool:
+        """Whether the faces of a crack may meet again."""
+        return self.damage and self.closing
+
+    @property
     def weakening(self) -> bool:
         """Whether a module may lose the energy of its volume."""
         return self.volumetric and self.history
@@ -437,6 +442,8 @@ FIELDS = (
         " is a bar more than elastic", "", _columns, kind="u8", numbers=0, present=_history),
     Row("peak", "largest strain of a bar so far over its eps_p", "", _columns, "bar",
         present=_damage, evolves=True),
+    Row("face_loss", "energy that failed bars of a site have lost as crack faces met and parted",
+        "J", _columns, present=_named("meeting"), evolves=True),
     Row("recorded", "a bit for each bar that was reported broken", "", _columns, kind="u16",
         present=_damage, evolves=True),
     Row("opening", "largest elongation of the failed bars at a node, at the last step", "m", _sites,

@@ -1,7 +1,7 @@
 """What the bars of a lattice carry and have lost, read without changing their history.
 
-``solver.bars`` keeps the forces of a few rows only, so they are worked out again here, a layer of
-sites at a time.
+``solver.bar_forces`` keeps the forces of a few rows only, so they are worked out again here, a
+layer of sites at a time.
 """
 
 from collections.abc import Iterator

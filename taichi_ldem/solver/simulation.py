@@ -23,7 +23,6 @@ from taichi_ldem.solver.energy import (
     FRACTURE,
     KINETIC,
     STRAIN,
-    WORK,
     EnergySums,
     Ledger,
 )
@@ -305,7 +304,7 @@ class Simulation:
         self.sampler.record(self.now)
         self._step(measure=True)
         self.energies.potential(1 - self.now)
-        total, readings = self.sampler.collected()
+        sums, (total, readings) = self.energies, self.sampler.collected()
         own = [body.energies(r) for body, r in zip(self.bodies, readings, strict=True)]
         pieces = self.fragments.reading() if self.pieces_touch else Touching()
         before = sum(reading.plate_before for reading in readings) + pieces.plate_before
@@ -315,8 +314,8 @@ class Simulation:
             float(total[STRAIN]),
             float(total[FRACTURE]),
             float(total[DAMPED]),
-            sum(energies.contact for energies in own) + pieces.lost,
-            sum((energies.external for energies in own), 0.0) + sum(total[WORK:].tolist()),
+            sum(energies.contact for energies in own) + pieces.lost + sums.lost_at_faces(total),
+            sum((energies.external for energies in own), 0.0) + sums.work_of_gravity_in(total),
             float(pieces.elastic) + sum(reading.held for reading in readings),
             self.openings.energy,
         )

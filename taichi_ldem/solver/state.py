@@ -109,6 +109,7 @@ class State:
     swelling: list[list[ti.MatrixField]]
     volume_damage: ti.MatrixField
     volume_loss: ti.MatrixField
+    face_loss: ti.MatrixField
     growth: ti.MatrixField
     volume_modulus: ti.MatrixField
     code: ti.MatrixField

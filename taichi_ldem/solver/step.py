@@ -17,7 +17,7 @@ from typing import Any
 
 import taichi as ti
 
-from taichi_ldem.solver.bars import BarForces
+from taichi_ldem.solver.bar_forces import BarForces
 from taichi_ldem.solver.fields import RING
 from taichi_ldem.solver.lanes import HALO
 from taichi_ldem.solver.nodes import NodeUpdate

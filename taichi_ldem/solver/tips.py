@@ -24,7 +24,7 @@ import taichi as ti
 
 from taichi_ldem.scene.equations import QUARTER
 from taichi_ldem.solver.access import NodeAccess
-from taichi_ldem.solver.bars import BarForces
+from taichi_ldem.solver.bars import LatticeBars
 from taichi_ldem.solver.lanes import HALO
 from taichi_ldem.solver.state import State
 
@@ -39,7 +39,7 @@ Twice that next to a tip in linear elasticity.
 class CrackTips:
     """Openings of cracks at nodes, and the bars that fail for them."""
 
-    def __init__(self, state: State, bars: BarForces, access: NodeAccess):
+    def __init__(self, state: State, bars: LatticeBars, access: NodeAccess):
         self.state, self.bars, self.access = state, bars, access
 
     # -- openings ----------------------------------------------------------------------------------
@@ -71,7 +71,7 @@ class CrackTips:
         """Mark the columns whose bars may share a node; all threads write the same.
 
         Args:
-            end: (4,) see ``BarForces.end``.
+            end: (4,) see ``LatticeBars.end``.
         """
         i = self.access.site_of(at.m, lane)
         for dz, dy, dx in ti.ndrange((-1, 2), (-1, 2), (-1, 2)):

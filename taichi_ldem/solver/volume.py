@@ -29,7 +29,7 @@ What a module loses when its share falls is booked as fracture, at the J of that
 import taichi as ti
 
 from taichi_ldem.model.cell import CORNER
-from taichi_ldem.solver.bars import BarForces
+from taichi_ldem.solver.bars import LatticeBars
 from taichi_ldem.solver.state import State
 
 CORNERS = tuple((dz, dy, dx) for dz in (0, 1) for dy in (0, 1) for dx in (0, 1))
@@ -42,7 +42,7 @@ AXES = tuple((i, j) for i in range(3) for j in range(3))
 class ModuleVolumes:
     """Gradients of modules, their forces on nodes, their energy and its loss."""
 
-    def __init__(self, state: State, bars: BarForces):
+    def __init__(self, state: State, bars: LatticeBars):
         self.state, self.bars = state, bars
 
     @ti.func

@@ -33,7 +33,7 @@ class BarForces:
                 step = ti.Struct(
                     now=now, spacing=spacing, kick=time_step, drift=time_step, peak_strain=peak
                 )
-                self.dynamics.bars.column_forces(at, step)
+                self.dynamics.bar_forces.column_forces(at, step)
                 for lane in ti.static(range(self.dynamics.lanes.width)):
                     site = self.dynamics.site_of(m, lane)
                     for bar in ti.static(range(self.dynamics.cell.bars)):

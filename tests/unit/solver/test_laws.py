@@ -133,6 +133,31 @@ def test_a_failed_bar_that_closes_carries_compression_and_no_tension(taichi: Non
     assert not block.pulls().any()
 
 
+@pytest.mark.parametrize(("start", "end"), [(0.4, -0.3), (-0.3, 0.4), (0.4, 0.1), (-0.1, -0.4)])
+def test_what_a_step_leaves_out_where_crack_faces_meet_is_booked_as_lost(
+    taichi: None, start: float, end: float
+) -> None:
+    """The trapezium of a step less the area under the force, which is 0 in tension, bar by bar."""
+    block, time_step = Breakable("bilinear", closing=True), 4e-8
+    body = block.body
+    block.put(4.0 * EPS_P * body.positions)
+    rate = EPS_P * (end - start) / time_step
+    block.dynamics.set_velocity(body.spread(rate * body.positions))
+    block.dynamics.set_displacement(0, body.spread(EPS_P * end * body.positions))
+    block.pulls(time_step)
+    block.sums.potential(0)
+    found = block.sums.lost_at_faces(block.sums.total())
+
+    path = np.linspace(start, end, 4001)
+    force = np.minimum(path, 0.0)
+    missing = 0.5 * (force[0] + force[-1]) * (end - start) - np.trapezoid(force, path)
+    families = block.bars.longitudinal, block.bars.diagonal
+    scale = body.weights * body.per_bar(*(f.axial_stiffness * f.length for f in families))
+    expected = missing * EPS_P**2 * scale.sum()
+    assert found == pytest.approx(expected, rel=1e-4, abs=1e-9 * EPS_P**2 * scale.sum())
+    assert np.sign(start) * np.sign(end) > 0 or abs(missing) > 0.03  # it is no small correction
+
+
 @pytest.mark.parametrize("family", FAMILIES)
 def test_pulling_a_bar_apart_takes_its_fracture_energy(breakable: Breakable, family: str) -> None:
     """The area under force against elongation, by the trapezium rule, is G_f A_f for both laws."""

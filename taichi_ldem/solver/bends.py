@@ -1,0 +1,153 @@
+"""Steps in which the law of a bar bends: what central differences leave out, and where it goes.
+
+Central differences let the force F of a bar change on a straight line within a step, so over a
+change D of its length they count the energy (F_before + F_now) D / 2. That is exact while the law
+is a straight line. Where it bends within a step (at eps_p, where a bar fails, where it is stretched
+beyond its peak strain again, where a damaged one closes), energy would appear or vanish, and on
+average always in the same direction. What is missing is given back at once, by a force in this step
+that does just this work (``add_force``): the energy decides over the force, as in a discrete
+gradient (Gonzalez 1996).
+
+Where faces of a crack meet or part, such a force would give energy to debris. What is left out
+there is booked as lost in contact (``note_meeting``).
+"""
+
+import taichi as ti
+
+from taichi_ldem.solver.access import NodeAccess
+from taichi_ldem.solver.bars import TINY, LatticeBars
+from taichi_ldem.solver.lanes import HALO
+from taichi_ldem.solver.state import State
+
+
+@ti.data_oriented
+class LawBends:
+    """Forces and losses of bars whose law has bent in the last step."""
+
+    def __init__(self, state: State, bars: LatticeBars, access: NodeAccess):
+        self.state, self.bars, self.access = state, bars, access
+
+    # -- bars in sound material and at tips --------------------------------------------------------
+
+    @ti.func
+    def may_bend(self, bar: ti.template(), before, at: ti.template(), lane):
+        """1 where the law of a bar may have bent in the last step, given its peak before it.
+
+        Failed bars that close and open again are left out (``note_meeting``): as debris under a
+        striker, which is held and pushed by much else at the same time, they would gain energy.
+        """
+        bends = self.state.peak[bar][at.k, at.j, at.m][lane] > 1
+        bends &= not self.bars.has_failed(bar, before) and self.bars.stiffness(bar, at, lane) > 0
+        return ti.cast(bends, ti.i32)
+
+    @ti.func
+    def add_force(self, bar, strain, before, at: ti.template(), step: ti.template(), lane):
+        """Add the force that makes up for a bend of the law in the last step to a stored one.
+
+        Let D be the last change of the bar's length and M the energy that (F_before + F_now) D / 2
+        leaves out. An additional force C in this step does the work C (D + D') / 2, where D' is the
+        next change. Without C, the ends would go on by D and by what the bar has lost of its pull;
+        C itself shortens D' by S C, with S = dt^2 (1 / m_1 + 1 / m_2). So
+
+            C (W - S C / 2) = M,    W = D + S (loss of pull) / 2,
+
+        of which the smaller root is taken. At most the energy W^2 / (2 S) can be had in this way.
+        In the code, forces are over EA, and lengths over L0.
+
+        Args:
+            bar: its number, not known when the kernel is compiled.
+            before: peak strain over eps_p one step before.
+        """
+        near, far, rest = self.bars.ends(bar)
+        family, after, own, stiffness = 0, 0.0, 0.0, 0.0
+        for one in ti.static(range(self.state.cell.bars)):
+            if one == bar:
+                family = self.state.cell.family[one]
+                after = self.state.peak[one][at.k, at.j, at.m][lane]
+                own = self.bars.peak_strain(one, at, lane, step.peak_strain)
+                stiffness = self.bars.stiffness(one, at, lane)
+        change = ti.cast(self.bars.last_stretching(near, far, rest, strain, at, step, lane), ti.f64)
+        missing, loss = self.left_out(family, strain, change, before, after, own)
+        soft = ti.cast(stiffness * self.mobility(near, far, at, lane), ti.f64)
+        soft *= step.kick * step.drift
+        force = stiffness * ti.cast(self.root(change + 0.5 * soft * loss, soft, missing), float)
+        force /= ti.max(1 + strain, ti.static(TINY**0.5))
+        for one in ti.static(range(self.state.cell.bars)):
+            if one == bar:
+                stored = self.state.axial[one][at.row, at.k, at.m][lane]
+                self.state.axial[one][at.row, at.k, at.m][lane] = stored + force
+
+    @ti.func
+    def left_out(self, family, strain, change, before, after, own):
+        """M of a bar over EA L0, and the loss of pull over EA; 0 where its law has not bent."""
+        missing, loss = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
+        old = strain - change
+        for one in ti.static(range(self.state.cell.families)):
+            if one == family:
+                bar = ti.static(self.state.cell.family.index(one))
+                was, share = (
+                    self.bars.integrity(bar, old, before),
+                    self.bars.integrity(bar, strain, after),
+                )
+                if was != share:
+                    missing = self.bars.energy(bar, strain, after, own)
+                    missing -= self.bars.energy(bar, old, before, own)
+                    missing -= 0.5 * (was * old + share * strain) * change
+                    loss = ti.cast((was - share) * strain, ti.f64)
+        return missing, loss
+
+    @ti.func
+    def root(self, way, soft, missing):
+        """The smaller C of C (way - soft C / 2) = missing, or of the closest that C can reach."""
+        most = way * way / ti.max(2 * soft, 1e-30)  # nodes that are only kicked do not move
+        energy = ti.max(-most, ti.min(most, missing))
+        size = ti.abs(way) + ti.sqrt(ti.max(way * way - 2 * soft * energy, 0.0))
+        result = 0 * way
+        if size > 0:
+            result = 2 * energy / size
+            if way < 0:
+                result = -result
+        return result
+
+    @ti.func
+    def mobility(self, near, far, at: ti.template(), lane):
+        """Sum of the inverse masses of a bar's ends (``end``), 1/kg."""
+        k, j, i = at.k, at.j, self.access.site_of(at.m, lane)
+        first = self.access.mass(near[0], k + near[1], j + near[2], i + near[3])
+        return 1 / first + 1 / self.access.mass(far[0], k + far[1], j + far[2], i + far[3])
+
+    # -- faces of a crack --------------------------------------------------------------------------
+
+    @ti.func
+    def is_crack(self, bar: ti.template(), before, at: ti.template(), lane):
+        """1 where a bar had failed before the last step, given its peak before it."""
+        failed = self.bars.has_failed(bar, before) and self.bars.stiffness(bar, at, lane) > 0
+        return ti.cast(failed, ti.i32)
+
+    @ti.func
+    def note_meeting(self, bar, strain, at: ti.template(), step: ti.template(), lane):
+        """Add up what (F_before + F_now) D / 2 leaves out where crack faces met or parted.
+
+        A force comes or goes within the step, and nodes that come faster than they part lose the
+        energy. So it is a loss in contact, as that of a node that lands on a rigid body.
+
+        Args:
+            bar: its number, not known when the kernel is compiled.
+        """
+        near, far, rest = self.bars.ends(bar)
+        change = self.bars.last_stretching(near, far, rest, strain, at, step, lane)
+        old = strain - change
+        # columns at either end of a row belong to another lane, which adds them up
+        own = HALO <= at.m < ti.static(HALO + self.state.lanes.length)
+        if own and (old < 0) != (strain < 0):
+            twice = 0.0
+            for one in ti.static(range(self.state.cell.bars)):
+                if one == bar:
+                    length = step.spacing * ti.static(self.state.cell.length_squared[one] ** 0.5)
+                    twice = self.bars.stiffness(one, at, lane) * length * length
+                    if ti.static(self.state.features.perturbed):
+                        twice /= self.bars.square_of_length_ratio(one, at, lane)
+            now, was = ti.min(strain, 0.0), ti.min(old, 0.0)
+            lost = 0.5 * twice * ((now + was) * change - (now * now - was * was))
+            k, j, m = at.k, at.j, at.m
+            self.state.face_loss[k, j, m][lane] = self.state.face_loss[k, j, m][lane] + lost
