@@ -8,9 +8,10 @@ the strip offers, G = E' delta^2 / (2 H), rises to several G_f. Each 4 mm of its
 
 - its speed over that of Rayleigh waves, to compare with v = c_R (1 - G_f / G) (Freund 1990);
 - the crack surface: area of the bars that failed there over that of one flat crack;
-- the width of the cracked band in modules. Two branches that part make it grow.
+- the width of the cracked band in modules, and the number of cracks side by side. Damage that
+  spreads makes the band wider; branches part, with whole bars between them.
 
-Prints a table, writes it with a figure to FOLDER, and stores the points in points.json.
+Prints a table, writes it with two figures to FOLDER, and stores the points in points.json.
 """
 
 import argparse
@@ -37,8 +38,8 @@ LENGTH, EDGE = 0.08, 0.01
 """Length of the strip, and what is left out at its free end, m."""
 PIECE = 4e-3
 """Part of the way that gives a point, m."""
-BRANCHED = 4.0
-"""Width of the band, in modules, from which on the crack has branched or left its plane."""
+GAP = 2.0
+"""Distance across, in modules, beyond which failed bars belong to another crack."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class Point:
     Attributes:
         pull: speed of the grips, m/s. place: distance from the notch's tip, m.
         released: G over G_f. speed: over that of Rayleigh waves. surface: see the module.
-        width: modules.
+        width: modules. cracks: side by side, mean over slices of a module along the way.
     """
 
     pull: float
@@ -57,6 +58,7 @@ class Point:
     speed: float
     surface: float
     width: float
+    cracks: float
 
 
 def scene(pull: float, lattice: str, fracture: str) -> Scene:
@@ -73,8 +75,13 @@ def scene(pull: float, lattice: str, fracture: str) -> Scene:
     return parse_scene(data)
 
 
-def points(simulation: Any) -> list[Point]:
-    """Run a strip until its crack comes near the free end."""
+def points(simulation: Any) -> tuple[list[Point], Array]:
+    """Run a strip until its crack comes near the free end.
+
+    Returns:
+        what it did on each piece of its way, and the (n, 2) places of its failed bars, m: along the
+        way, and across.
+    """
     scene, dynamics = simulation.scene, simulation.dynamics
     tip, plane, far = geometry(scene)
     rows: list[tuple[float, float]] = []
@@ -92,7 +99,17 @@ def points(simulation: Any) -> list[Point]:
             break
     place, kind, row = np.concatenate(places), np.concatenate(kinds), np.array(when, dtype=int)
     time, separation = np.array(rows).T
-    return _pieces(scene, place, kind, row, time, separation, free_height(simulation))
+    found = _pieces(scene, place, kind, row, time, separation, free_height(simulation))
+    return found, np.stack([place[:, 1] - tip, place[:, 0]], axis=1)
+
+
+def side_by_side(along: Array, across: Array, spacing: float) -> float:
+    """Number of cracks next to each other, mean over the slices of a module that have any."""
+    counts = []
+    for number in np.unique(np.floor(along / spacing)):
+        slice_ = np.sort(across[np.floor(along / spacing) == number])
+        counts.append(1 + np.count_nonzero(np.diff(slice_) > GAP * spacing))
+    return float(np.mean(counts)) if counts else math.nan
 
 
 def _pieces(
@@ -132,6 +149,7 @@ def _pieces(
                 speed=float((front[last] - front[first]) / (time[last] - time[first]) / wave),
                 surface=float(area[here].sum() / (PIECE * scene.plate.size[2])),
                 width=float(np.ptp(across) / scene.plate.spacing) if len(across) else math.nan,
+                cracks=side_by_side(along[here], across, scene.plate.spacing),
             )
         )
     return found
@@ -140,12 +158,14 @@ def _pieces(
 def table(found: list[Point]) -> str:
     """The points in Markdown."""
     lines = [
-        "| pull [m/s] | way [mm] | G / G_f | speed / c_R | 1 - G_f / G | surface | width [L] |",
-        "|---|---|---|---|---|---|---|",
+        "| pull [m/s] | way [mm] | G / G_f | speed / c_R | 1 - G_f / G | surface | width [L] "
+        "| cracks |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     lines += [
         f"| {p.pull:g} | {1e3 * p.place:.0f} | {p.released:.2f} | {p.speed:.2f} "
-        f"| {max(0.0, 1 - 1 / p.released):.2f} | {p.surface:.2f} | {p.width:.1f} |"
+        f"| {max(0.0, 1 - 1 / p.released):.2f} | {p.surface:.2f} | {p.width:.1f} "
+        f"| {p.cracks:.1f} |"
         for p in found
     ]
     return "\n".join(lines)
@@ -174,6 +194,23 @@ def draw(found: list[Point], file: Path) -> None:
     figure.savefig(file, dpi=130)
 
 
+def draw_bars(bars: dict[float, Array], file: Path) -> None:
+    """The failed bars of each strip."""
+    import matplotlib
+
+    matplotlib.use("agg")
+    import matplotlib.pyplot as plt
+
+    size = (10, 1.9 * len(bars))
+    figure, axes = plt.subplots(len(bars), 1, figsize=size, sharex=True, layout="constrained")
+    for axis, (pull, places) in zip(np.atleast_1d(axes), bars.items(), strict=True):
+        axis.plot(*(1e3 * places.T), "k,")
+        axis.set(title=f"pulled at {pull:g} m/s", ylabel="across [mm]", ylim=(-8, 8))
+        axis.set_aspect("equal")
+    axis.set(xlabel="way of the crack [mm]")
+    figure.savefig(file, dpi=130)
+
+
 def main() -> None:
     """Run the study from the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -184,7 +221,7 @@ def main() -> None:
     from taichi_ldem.solver import backend
 
     options.out.mkdir(parents=True, exist_ok=True)
-    simulation, found = None, []
+    simulation, found, bars = None, [], {}
     for pull in SPEEDS:
         strip = scene(pull, options.lattice, options.fracture)
         if simulation is None:
@@ -194,12 +231,14 @@ def main() -> None:
             simulation = Simulation(strip)
         else:
             simulation.reset(strip)
-        found += points(simulation)
+        more, bars[pull] = points(simulation)
+        found += more
         text = json.dumps([asdict(p) for p in found], indent=1)
         (options.out / "points.json").write_text(text)
     text = table(found)
     (options.out / "crack_speed.md").write_text(text + "\n")
     draw(found, options.out / "crack_speed.png")
+    draw_bars(bars, options.out / "crack_speed_bars.png")
     print(text)
 
 

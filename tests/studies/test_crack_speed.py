@@ -52,6 +52,7 @@ def test_a_made_up_crack_is_read_as_it_was_made(strip) -> None:
         flat = crack_speed.PIECE * strip.plate.size[2]
         assert point.surface == pytest.approx(passed / flat)
         assert point.width == pytest.approx(3.0)
+        assert point.cracks == pytest.approx(2.0)  # nothing has failed between the two sides
 
 
 def test_twice_the_bars_are_twice_the_surface(strip) -> None:
@@ -69,8 +70,8 @@ def test_the_strip_is_long_and_its_notch_as_deep_as_the_study_says(strip) -> Non
 
 
 def test_the_table_names_freunds_speed() -> None:
-    point = crack_speed.Point(3.0, 0.006, 4.0, 0.72, 5.8, 10.5)
-    slow = crack_speed.Point(0.3, 0.002, 0.8, 0.0, 0.0, 1.0)
+    point = crack_speed.Point(3.0, 0.006, 4.0, 0.72, 5.8, 10.5, 2.5)
+    slow = crack_speed.Point(0.3, 0.002, 0.8, 0.0, 0.0, 1.0, 1.0)
     lines = crack_speed.table([point, slow]).splitlines()
-    assert lines[2] == "| 3 | 6 | 4.00 | 0.72 | 0.75 | 5.80 | 10.5 |"
-    assert lines[3] == "| 0.3 | 2 | 0.80 | 0.00 | 0.00 | 0.00 | 1.0 |"
+    assert lines[2] == "| 3 | 6 | 4.00 | 0.72 | 0.75 | 5.80 | 10.5 | 2.5 |"
+    assert lines[3] == "| 0.3 | 2 | 0.80 | 0.00 | 0.00 | 0.00 | 1.0 | 1.0 |"
