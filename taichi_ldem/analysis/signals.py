@@ -123,8 +123,10 @@ def force_peaks(time: Array, force: Array, onset: float | None, window: float) -
     first = _first_peak(smooth, begin)
     if first is None:
         return ForcePeaks()
-    if first == begin:  # the moving average falls before a sudden fall of the force
-        start = max(0, begin - _half(time, window))
+    if first == begin:
+        # the moving average falls before a sudden fall of the force, and that comes at some time
+        # between the sample at the onset and the one before
+        start = max(0, begin - _half(time, window) - 1)
         first = start + int(np.argmax(smooth[start : begin + 1]))
         if first == start and smooth[max(0, start - 1)] > smooth[start]:
             return _after_a_valley(time, smooth, begin)

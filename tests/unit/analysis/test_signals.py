@@ -200,6 +200,18 @@ def test_a_force_that_fell_long_before_the_onset_has_no_peak_there() -> None:
     assert peaks.failure_time == pytest.approx(3.46e-3, abs=2e-5)
 
 
+@pytest.mark.parametrize("falls", [2.295, 2.299, 2.301])
+def test_a_force_that_falls_within_the_sample_of_the_onset_has_its_peak_before(
+    falls: float,
+) -> None:
+    """The plate cracks at once; the ledger shows it at the sample that follows, here 2.30 ms."""
+    force = _record((0, 0), (falls, 750), (falls + 0.001, 100), (2.4, 400), (2.6, 200), (10, 200))
+    peaks = force_peaks(TIME, force, 2.3e-3, WINDOW)
+    # the mean over 0.2 ms is largest a tenth of a millisecond before the fall: 717 N
+    assert peaks.first_force == pytest.approx(750 * 2.2 / 2.3, rel=0.01)
+    assert peaks.first_time == pytest.approx(2.2e-3, abs=2e-5)
+
+
 def test_a_striker_that_is_thrown_back_has_not_broken_the_plate() -> None:
     velocity = np.interp(TIME, [0.0, 2e-3, 10e-3], [2.0, -1.0, -1.0])  # leaves the plate at 2 ms
     assert velocity_failure(TIME, velocity, ONSET, WINDOW) is None
