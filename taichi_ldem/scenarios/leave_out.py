@@ -12,6 +12,7 @@ import statistics
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -107,6 +108,9 @@ KERNELS_OF_EVERYTHING = (
 )
 """The ``kernels`` of a scene of ``everything`` that has nothing besides."""
 
+OF_THE_STEP = ("contact: ", "damage before the step")
+"""Names, or their beginnings, of what is a part of the step's kernel where one thread takes it."""
+
 
 def kernels_of_everything(simulation: "Simulation") -> int:
     """Number of ``kernels`` that the scene compiles with everything switched on.
@@ -116,7 +120,7 @@ def kernels_of_everything(simulation: "Simulation") -> int:
     grips = simulation.scene.grips is not None
     without = {"gauge", *(f"{kind}: {GRIPS.name}" for kind in ("contact", "nodes near"))}
     own = {name for name in kernels(simulation) if not (grips and name in without)}
-    return len(own | {*KERNELS_OF_EVERYTHING})
+    return len(own | {*_of_their_own(simulation, KERNELS_OF_EVERYTHING)})
 
 
 def kernels(simulation: "Simulation") -> list[str]:
@@ -137,7 +141,12 @@ def kernels(simulation: "Simulation") -> list[str]:
     features = simulation.dynamics.features
     if (features.crack or features.weakening) and simulation.dynamics.in_strips:
         found.append("damage before the step")
-    return found
+    return _of_their_own(simulation, found)
+
+
+def _of_their_own(simulation: "Simulation", names: Sequence[str]) -> list[str]:
+    """The names of kernels less those that the step's kernel holds."""
+    return [name for name in names if not (simulation.alone and name.startswith(OF_THE_STEP))]
 
 
 def cost(simulation: "Simulation") -> Cost:

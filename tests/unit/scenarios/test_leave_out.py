@@ -65,6 +65,7 @@ def _built(scene: Scene, *bodies: str, touching: bool = False) -> Any:
         dynamics=SimpleNamespace(features=features, in_strips=True),
         bodies=[SimpleNamespace(kernel_names=lambda own=own: own) for own in names.values()],
         fragments=fragments if touching else None,
+        alone=False,
     )
 
 
@@ -97,12 +98,18 @@ def test_kernels_are_those_of_the_features() -> None:
         return SimpleNamespace(kernel_names=lambda: list(names))
 
     def of(
-        damage: bool, *bodies: SimpleNamespace, crack: bool = False, probes: tuple[str, ...] = ()
+        damage: bool,
+        *bodies: SimpleNamespace,
+        crack: bool = False,
+        probes: tuple[str, ...] = (),
+        alone: bool = False,
     ) -> list[str]:
         features = SimpleNamespace(damage=damage, crack=crack, weakening=False)
         dynamics = SimpleNamespace(features=features, in_strips=True)
         scene = SimpleNamespace(probes=[SimpleNamespace(quantities=probes)])
-        simulation = SimpleNamespace(dynamics=dynamics, bodies=bodies, fragments=None, scene=scene)
+        simulation = SimpleNamespace(
+            dynamics=dynamics, bodies=bodies, fragments=None, scene=scene, alone=alone
+        )
         return kernels(simulation)  # type: ignore[arg-type]
 
     assert of(False) == ["step", "energies"]
@@ -115,6 +122,9 @@ def test_kernels_are_those_of_the_features() -> None:
         "nodes near: a",
         "b",
     ]
+    # one thread has them in the step's kernel
+    a = body("contact: a", "nodes near: a")
+    assert of(True, a, crack=True, alone=True)[2:] == ["nodes near: a", "broken bars"]
 
 
 def test_a_scene_of_everything_compiles_the_number_of_kernels_that_is_printed(
@@ -126,5 +136,6 @@ def test_a_scene_of_everything_compiles_the_number_of_kernels_that_is_printed(
     # the kernels are counted, not run: the estimate of the critical step would compile some
     monkeypatch.setattr(stability, "critical_time_step", lambda dynamics: 1e-8)
     monkeypatch.setattr("taichi_ldem.solver.simulation.set_off", lambda simulation: None)
-    simulation = Simulation(everything(block_scene(12, 12, 2, material=DAMAGE)))
+    scene = block_scene(12, 12, 2, material=DAMAGE, solver={"threads": 2})
+    simulation = Simulation(everything(scene))
     assert sorted(kernels(simulation)) == sorted(KERNELS_OF_EVERYTHING)
