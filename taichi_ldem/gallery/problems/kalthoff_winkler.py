@@ -119,9 +119,9 @@ PROBLEM = Problem(
     size=(13.0, 8.5),
     why=(
         "**The angle depends on the module size and on the strength.** With modules of 1 mm the "
-        "crack is 3 degrees too flat, with 0.67 mm it is right. With twice the strength it is "
-        "flatter by 9 degrees, since the crack then turns away from the notch later. At 32 m/s and "
-        "by the paper's method the material beside the notch is crushed, and cracks start at the "
-        "far edge as well."
+        "crack is 4 degrees too flat, with 0.67 mm it is right. With twice the strength it is "
+        "flatter by 10 degrees, since the crack then turns away from the notch later. At 32 m/s "
+        "and by the paper's method the material beside the notch is crushed, and cracks start at "
+        "the far edge as well."
     ),
 )

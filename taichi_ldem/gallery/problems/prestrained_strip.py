@@ -109,9 +109,9 @@ PROBLEM = Problem(
     why=(
         "**A crack along the lattice's axis costs more than G_f**, which the misses at small G "
         "show: 1.2 to 1.4 G_f with cracks that cost G_f, and about three times G_f by the paper's "
-        "method ([tension](tension.md#what-a-crack-costs)). With 1.3 G_f in place of G_f, Freund's "
-        "equation gives 0.19 c_R at 1.6 G_f and 0.41 c_R at 2.2 G_f. From 3 G_f on the speed stays "
-        "at 0.55 c_R, as cracks branch; in PMMA they do so at 0.4 c_R and do not get faster than "
-        "about 0.6 c_R. By the paper's method the strip fails all over at 4.5 G_f."
+        "method ([tension](tension.md#what-a-crack-costs)). With 1.2 G_f in place of G_f, Freund's "
+        "equation gives 0.25 c_R at 1.6 G_f and 0.45 c_R at 2.2 G_f. From 3 G_f on the speed stays "
+        "below 0.58 c_R, as cracks branch; in PMMA they do so at 0.4 c_R and do not get faster "
+        "than about 0.6 c_R. By the paper's method the strip fails all over at 4.5 G_f."
     ),
 )
