@@ -70,8 +70,8 @@ def test_a_feature_has_fields_of_its_own(name: str) -> None:
 def test_names_of_a_checkpoint_stay() -> None:
     """Files that were written under these names must open."""
     evolving = [row.name for row in FIELDS if row.evolves]
-    of_volumes = ["volume_damage", "volume_loss"]
-    assert evolving == ["displacement", "velocity", *of_volumes, "peak", "recorded", "damped"]
+    of_volumes, of_bars = ["volume_damage", "volume_loss"], ["peak", "face_loss", "recorded"]
+    assert evolving == ["displacement", "velocity", *of_volumes, *of_bars, "damped"]
 
 
 def test_strips_are_no_thinner_than_their_overlap_allows() -> None:
