@@ -81,6 +81,14 @@ class LatticeBars:
         return ti.static(self.state.cell.length_squared[bar]) / ((x * x + y * y) + z * z)
 
     @ti.func
+    def length_at_rest(self, bar: ti.template(), at: ti.template(), step: ti.template(), lane):
+        """L0 of a bar, m."""
+        length = step.spacing * ti.static(self.state.cell.length_squared[bar] ** 0.5)
+        if ti.static(self.state.features.perturbed):
+            length /= ti.sqrt(self.square_of_length_ratio(bar, at, lane))
+        return length
+
+    @ti.func
     def peak_strain(self, bar: ti.template(), at: ti.template(), lane, family):
         """A bar's eps_p, given that of its family."""
         own = family

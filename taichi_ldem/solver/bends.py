@@ -143,10 +143,8 @@ class LawBends:
             twice = 0.0
             for one in ti.static(range(self.state.cell.bars)):
                 if one == bar:
-                    length = step.spacing * ti.static(self.state.cell.length_squared[one] ** 0.5)
+                    length = self.bars.length_at_rest(one, at, step, lane)
                     twice = self.bars.stiffness(one, at, lane) * length * length
-                    if ti.static(self.state.features.perturbed):
-                        twice /= self.bars.square_of_length_ratio(one, at, lane)
             now, was = ti.min(strain, 0.0), ti.min(old, 0.0)
             lost = 0.5 * twice * ((now + was) * change - (now * now - was * was))
             k, j, m = at.k, at.j, at.m

@@ -111,14 +111,6 @@ class CrackTips:
         """Engineering strain of a bar."""
         return self.bars.strain(self.bars.twice_green_strain(bar, at, step, lane))
 
-    @ti.func
-    def length_at_rest(self, bar: ti.template(), at: ti.template(), step: ti.template(), lane):
-        """L0 of a bar, m."""
-        length = step.spacing * ti.static(self.state.cell.length_squared[bar] ** 0.5)
-        if ti.static(self.state.features.perturbed):
-            length /= ti.sqrt(self.bars.square_of_length_ratio(bar, at, lane))
-        return length
-
     # -- bars at tips ------------------------------------------------------------------------------
 
     @ti.func
@@ -178,7 +170,7 @@ class CrackTips:
                 own = self.bars.peak_strain(one, at, lane, step.peak_strain)
                 peak = self.state.peak[one][at.k, at.j, at.m][lane]
                 cost = self.cost(one, at, lane, step)
-                length = self.length_at_rest(one, at, step, lane)
+                length = self.bars.length_at_rest(one, at, step, lane)
                 if ti.static(self.state.features.volumetric):
                     pull = self.strain_of_volumes(one, at, lane, step)
         peak = ti.max(peak, strain / own)
@@ -254,7 +246,7 @@ class CrackTips:
                 for bar in ti.static(range(self.state.cell.bars)):
                     if self.is_known(bar, at, lane):
                         strain = self.strain(bar, at, step, lane)
-                        elongations[bar] = self.length_at_rest(bar, at, step, lane) * strain
+                        elongations[bar] = self.bars.length_at_rest(bar, at, step, lane) * strain
                 for bar in range(self.state.cell.bars):
                     if self.is_known(bar, at, lane):
                         near, far, _ = self.bars.ends(bar)
