@@ -1,12 +1,18 @@
 """Where a clamp begins on the lattice: the first frequency of a clamped plate by ``clamp.edge``.
 
     python -m studies.clamp_edge configs/modes.toml [--modules 3 4 6] [--edges 0 0.5]
-        [--refine 2 3 | --reference HZ] [--set KEY=VALUE ...]
+        [--stairs] [--refine 2 3 | --reference HZ] [--set KEY=VALUE ...]
 
 A clamp between circles holds nodes of a square lattice, so its edge is a staircase. With
 ``clamp.edge = "node"`` it holds the nodes between the circles; with "unbiased", those up to half a
 module outside them, too. ``--edges`` gives this distance in modules: 0 and 0.5 are these two. The
 reference is that of finite elements with the exact circle, on two meshes.
+
+The stairs of one circle are one case of many. With ``--stairs`` each edge e counts as the unbiased
+clamp of another circle, of the radius R - (e - 1/2) L, and is compared with finite elements of that
+radius. The mean over edges spread evenly from 0 to 1 is free of the chance of a single circle:
+
+    python -m studies.clamp_edge configs/modes.toml --stairs --edges 0.1 0.3 0.5 0.7 0.9
 """
 
 import time
@@ -25,16 +31,22 @@ if TYPE_CHECKING:
     from taichi_ldem.solver.dynamics import Dynamics
 
 
+def inner(scene: Scene) -> float:
+    """Diameter of the circle within which the scene's clamp leaves the plate free, m."""
+    assert scene.clamp is not None
+    assert scene.clamp.inner_diameter is not None
+    return scene.clamp.inner_diameter
+
+
 def held(scene: Scene, dynamics: "Dynamics", edge: float) -> npt.NDArray[np.int32]:
     """Nodes of a scene's clamp whose circles are wider by a part of a module on both sides."""
     from taichi_ldem.solver.contact.kernels.rings import fixed_nodes
 
     clamp, beyond = scene.clamp, edge * scene.plate.spacing
     assert clamp is not None
-    assert clamp.inner_diameter is not None
     through = clamp.kind == "rim"
     outer = np.inf if through or clamp.outer_diameter is None else clamp.outer_diameter / 2
-    numbers = (clamp.inner_diameter / 2 - beyond, outer + beyond, scene.plate.size[2])
+    numbers = (inner(scene) / 2 - beyond, outer + beyond, scene.plate.size[2])
     return fixed_nodes(dynamics, numbers, through=through)
 
 
@@ -58,6 +70,33 @@ def reference(scene: Scene, refine: int) -> float:
     return float(found[0])
 
 
+def steepness(scene: Scene, refine: int) -> float:
+    """d ln f / d ln R of the first frequency over the clamp's radius, by finite elements."""
+    sides = [0.98 * inner(scene), 1.02 * inner(scene)]
+    found = [reference(scene.changed(f"clamp.inner_diameter={side!r}"), refine) for side in sides]
+    return float(np.log(found[1] / found[0]) / np.log(sides[1] / sides[0]))
+
+
+def over_stairs(
+    errors: dict[float, float], spacing_over_radius: float, exponent: float
+) -> tuple[float, float]:
+    """Error of the unbiased clamp, averaged over circles that differ by a part of a module.
+
+    Args:
+        errors: of the first frequency, relative to the circle of the scene, by edge in modules.
+        spacing_over_radius: L / R.
+        exponent: d ln f / d ln R.
+
+    Returns:
+        Mean and standard deviation of the errors, each relative to its own circle.
+    """
+    own = [
+        (1 + error) / (1 - (edge - 0.5) * spacing_over_radius) ** exponent - 1
+        for edge, error in errors.items()
+    ]
+    return float(np.mean(own)), float(np.std(own, ddof=1))
+
+
 def table(errors: dict[float, dict[int, float]], modules: Sequence[int]) -> str:
     """Errors in percent and their order, as Markdown."""
     heads = ["circles wider by", *(f"{n} modules" for n in modules), "order"]
@@ -74,6 +113,7 @@ def main() -> None:
     parser.add_argument("scene", type=Path)
     parser.add_argument("--modules", type=int, nargs="+", default=[3, 4, 6])
     parser.add_argument("--edges", type=float, nargs="+", default=[0.0, 0.5], metavar="MODULES")
+    parser.add_argument("--stairs", action="store_true", help="edges are circles; see above")
     parser.add_argument("--refine", type=int, nargs="+", default=[2, 3], help="meshes, finest last")
     parser.add_argument("--reference", type=float, metavar="HZ", help="instead of finite elements")
     parser.add_argument("--set", action="append", default=[], dest="settings", metavar="KEY=VALUE")
@@ -83,6 +123,7 @@ def main() -> None:
     if options.reference is None:
         exact = [reference(base, refine) for refine in options.refine]
     print(f"finite elements: {', '.join(f'{value:.2f}' for value in exact)} Hz", flush=True)
+    exponent = steepness(base, options.refine[0]) if options.stairs else 0.0
     from taichi_ldem.solver import backend
 
     backend.start(base.solver)
@@ -98,6 +139,10 @@ def main() -> None:
                 f"{seconds:.0f} s",
                 flush=True,
             )
+        if options.stairs:
+            found = {edge: errors[edge][n] for edge in options.edges}
+            mean, scatter = over_stairs(found, 2 * scene.plate.spacing / inner(scene), exponent)
+            print(f"{n} modules, unbiased: {100 * mean:+.3f} +- {100 * scatter:.3f} % a circle")
     print(table(errors, options.modules))
 
 

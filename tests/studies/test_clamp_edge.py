@@ -47,3 +47,14 @@ def test_the_table_has_the_errors_and_the_order_in_which_they_fall() -> None:
     )
     assert lines[2] == "| 0 L | +2.00 % | +1.50 % | +1.00 % |  | 1.0 |"
     assert lines[3] == "| 0.5 L | +2.00 % | +1.12 % | +0.50 % |  | 2.0 |"
+
+
+def test_the_mean_over_stairs_compares_each_circle_with_its_own_radius() -> None:
+    """Frequencies a hundredth above f ~ R^-2 of each circle: an error of 1 % without scatter."""
+    spacing_over_radius = 0.1
+    errors = {
+        edge: 1.01 * (1 - (edge - 0.5) * spacing_over_radius) ** -2 - 1 for edge in (0.1, 0.5, 0.9)
+    }
+    mean, scatter = clamp_edge.over_stairs(errors, spacing_over_radius, -2.0)
+    assert mean == pytest.approx(0.01, rel=1e-12)
+    assert scatter == pytest.approx(0.0, abs=1e-14)

@@ -192,6 +192,6 @@ PROBLEM = Problem(
         "model: E G_f / strength^2 is then 2.9 mm in place of 0.6 mm, more than the disc's "
         "thickness of 2 mm, and the disc carries on after its first broken bar. By the paper's "
         "method the first bars break at 24 MPa between the rings and at 31 MPa under the ball, "
-        "the discs at 52 and 66 MPa."
+        "the discs at 53 and 66 MPa."
     ),
 )

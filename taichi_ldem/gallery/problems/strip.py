@@ -116,6 +116,8 @@ PROBLEM = Problem(
     why=(
         "**By the paper's method a crack costs two to three times G_f**, because the bar at its "
         "tip fails by its own strain, which the module size smears out; it then runs slower and "
-        "wanders ([why, and how much](tension.md#what-a-crack-costs))."
+        "wanders ([why, and how much](tension.md#what-a-crack-costs)). Broken bars are noted at "
+        "samples, 1 us apart. A crack that costs G_f takes 20 of them through the window at either "
+        "module size, so its two speeds are equal to 5 %, not to all digits."
     ),
 )
