@@ -157,6 +157,8 @@ class BarFamily:
         limit_strain: eps_r, where the bilinear law ends (0 without damage).
         critical_length: L_cr, Eq. (13), m (0 without damage).
         toughness: G_f A^f over EA L0, what a bar's part of a crack costs (0 without damage).
+        viscosity: rho c_P A^f L0 over EA, s: the force with which an opening crack resists is EA
+            times this times the strain rate of its bars (0 without damage).
     """
 
     length: float
@@ -166,6 +168,7 @@ class BarFamily:
     limit_strain: float = 0.0
     critical_length: float = 0.0
     toughness: float = 0.0
+    viscosity: float = 0.0
 
     @property
     def ductility(self) -> float:
@@ -201,6 +204,13 @@ def failure_strain(material: Material) -> float:
             "material: damage needs fracture_energy and failure_factor, or failure_strain"
         )
     return material.failure_factor * math.sqrt(material.fracture_energy / material.youngs_modulus)
+
+
+def pressure_wave_impedance(material: Material) -> float:
+    """rho c_P = sqrt(rho E (1 - nu) / ((1 + nu) (1 - 2 nu))), Pa s/m."""
+    nu = material.poisson_ratio
+    modulus = material.youngs_modulus * (1 - nu) / ((1 + nu) * (1 - 2 * nu))
+    return math.sqrt(material.density * modulus)
 
 
 def characteristic_length(material: Material) -> float:
@@ -257,5 +267,6 @@ def bar_families(
         if material.fracture == "crack":  # a bar that cannot soften is brittle
             limit = max(limit, eps_p)
         toughness = material.fracture_energy * area / (ea * length)
-        families.append(BarFamily(length, ea, area, eps_p, limit, critical, toughness))
+        viscosity = pressure_wave_impedance(material) * area * length / ea
+        families.append(BarFamily(length, ea, area, eps_p, limit, critical, toughness, viscosity))
     return Bars(families)

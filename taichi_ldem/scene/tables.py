@@ -75,6 +75,12 @@ class Material(Table):
         description="what a failed bar carries: nothing, or compression where its ends are closer"
         " than at rest, like the faces of a crack that closes",
     )
+    crack_opening: Literal["free", "viscous"] = Field(
+        default="free",
+        description='how the faces of a crack part at its tip, with fracture = "crack": freely, or'
+        " against the material's acoustic impedance, which takes the energy that would become"
+        " waves",
+    )
     fracture_areas: Literal["derived", "paper"] = Field(
         default="derived",
         description="fracture areas of the two bar families: derived, or printed in Eqs. (7), (8)",
@@ -94,6 +100,9 @@ class Material(Table):
         if self.failure_factor is not None and self.failure_strain is not None:
             why = "cannot be given together with material.failure_factor; give one of the two"
             raise refuse("material.failure_strain", self.failure_strain, why)
+        if self.crack_opening == "viscous" and self.fracture != "crack":
+            why = 'must be "free", unless material.fracture = "crack"'
+            raise refuse("material.crack_opening", self.crack_opening, why)
         strain = self.failure_strain
         if self.limit_strain is not None and strain is not None and self.limit_strain < strain:
             why = f"must be at least material.failure_strain = {strain!r}"

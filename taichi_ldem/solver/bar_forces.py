@@ -11,6 +11,7 @@ import taichi as ti
 
 from taichi_ldem.solver.bars import ALL, TINY, LatticeBars
 from taichi_ldem.solver.bends import LawBends
+from taichi_ldem.solver.parting import PartingFaces
 from taichi_ldem.solver.state import State
 
 CLOSE = 1 - 1e-5
@@ -22,8 +23,8 @@ f32, so that the test of the force only spares bars that are well below."""
 class BarForces:
     """Forces and history of the bars of a column."""
 
-    def __init__(self, state: State, bars: LatticeBars, bends: LawBends):
-        self.state, self.bars, self.bends = state, bars, bends
+    def __init__(self, state: State, bars: LatticeBars, bends: LawBends, parting: PartingFaces):
+        self.state, self.bars, self.bends, self.parting = state, bars, bends, parting
 
     # -- damage ------------------------------------------------------------------------------------
 
@@ -60,6 +61,9 @@ class BarForces:
                         if ti.static(self.state.features.meeting):
                             if (faces >> bar) & 1:
                                 self.bends.note_meeting(bar, strains[bar], at, step, lane)
+                        if ti.static(self.state.features.viscous):
+                            if peaks[bar] < 0:
+                                self.parting.resist(bar, strains[bar], at, step, lane)
 
     @ti.func
     def may_soften(self, bar: ti.template(), force, at: ti.template(), step: ti.template(), lane):

@@ -20,6 +20,7 @@ from taichi_ldem.solver.bends import LawBends
 from taichi_ldem.solver.exchange import Exchange
 from taichi_ldem.solver.fields import Features
 from taichi_ldem.solver.nodes import NodeUpdate
+from taichi_ldem.solver.parting import PartingFaces
 from taichi_ldem.solver.state import State, field_apart, field_bytes, numpy_float
 from taichi_ldem.solver.step import Step
 from taichi_ldem.solver.tips import CrackTips
@@ -63,10 +64,12 @@ class Dynamics(State):
         self.set_density(density)
         self.access = NodeAccess(self)
         self.bars = LatticeBars(self, self.access)
-        self.bar_forces = BarForces(self, self.bars, LawBends(self, self.bars, self.access))
+        self.tips = CrackTips(self, self.bars, self.access)
+        bends = LawBends(self, self.bars, self.access)
+        parting = PartingFaces(self, self.bars, self.tips)
+        self.bar_forces = BarForces(self, self.bars, bends, parting)
         self.volumes = ModuleVolumes(self, self.bars)
         self.nodes = NodeUpdate(self, self.volumes)
-        self.tips = CrackTips(self, self.bars, self.access)
         self.driver = Step(self, self.bar_forces, self.nodes, self.tips)
         self.exchange = Exchange(self, self.bars, self.access, self.driver)
         self._open_to_others()

@@ -59,6 +59,7 @@ class Features:
         damping: whether there is mass-proportional damping.
         closing: whether failed bars still carry compression.
         crack: whether bars also fail at the tip of a crack by the energy that is released.
+        viscous: whether the faces of a crack part against a viscous force at its tip.
         notch: whether bars are removed from the start.
         strength: whether every bar has an eps_p of its own.
         flaws: whether the strength of a bar is apart from its toughness.
@@ -97,6 +98,12 @@ class Features:
         'material.fracture = "bar"',
         lambda scene: scene.material.damage and scene.material.fracture == "crack",
         lambda _: {"material": {"fracture": "crack"}},
+    )
+    viscous: bool = _feature(
+        "resistance of opening cracks",
+        'material.crack_opening = "free"',
+        lambda scene: scene.material.damage and scene.material.crack_opening == "viscous",
+        lambda _: {"material": {"fracture": "crack", "crack_opening": "viscous"}},
     )
     notch: bool = _feature(
         "removed bars", "no [[notch]]", lambda scene: bool(scene.notch), _corner_notch
@@ -456,6 +463,11 @@ FIELDS = (
         kind="u8", numbers=0, present=_named("crack")),
     Row("toughness", "G_f A^f over EA L0 by bar family", "", _families, numbers=0,
         present=_named("crack")),
+    Row("resistance", "strain at which a bar would pull as much as the opening of a crack meets"
+        " resistance, at the last step", "", _columns, "bar", present=_named("viscous"),
+        evolves=True),
+    Row("viscosity", "rho c_P A^f L0 over EA by bar family", "s", _families, numbers=0,
+        present=_named("viscous")),
     Row("softening", "parameters of the law by bar family", "", _families, numbers=2,
         present=_damage),
     Row("removed", "a bit for each bar that a notch removes", "", _columns, kind="u16",

@@ -126,6 +126,8 @@ class State:
     known: ti.MatrixField
     near: ti.ScalarField
     toughness: ti.ScalarField
+    resistance: list[ti.MatrixField]
+    viscosity: ti.ScalarField
     softening: ti.MatrixField
     removed: ti.MatrixField
     damped: list[ti.MatrixField]
@@ -219,6 +221,9 @@ class State:
         if self.features.crack:
             costs = [family.toughness for family in bars]
             self.toughness.from_numpy(np.array(costs, dtype=numpy_float()))
+        if self.features.viscous:
+            times = [family.viscosity for family in bars]
+            self.viscosity.from_numpy(np.array(times, dtype=numpy_float()))
 
     def set_density(self, density: float) -> None:
         """Fill the tables of node masses per site byte, kg, from a density in kg/m3."""

@@ -34,7 +34,7 @@ from support.blocks import DAMAGE, block_scene
 from taichi_ldem.solver import backend
 from taichi_ldem.storage import checkpoint
 
-CRACK = {"after_failure": "closing", "fracture": "crack"}
+CRACK = {"after_failure": "closing", "fracture": "crack", "crack_opening": "viscous"}
 precision, damping, clamp = sys.argv[1], float(sys.argv[2]), sys.argv[3]
 scene = block_scene(
     16, 16, 3,

@@ -71,6 +71,7 @@ def test_names_of_a_checkpoint_stay() -> None:
     """Files that were written under these names must open."""
     evolving = [row.name for row in FIELDS if row.evolves]
     of_volumes, of_bars = ["volume_damage", "volume_loss"], ["peak", "face_loss", "recorded"]
+    of_bars.append("resistance")
     assert evolving == ["displacement", "velocity", *of_volumes, *of_bars, "damped"]
 
 

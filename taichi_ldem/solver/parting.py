@@ -1,0 +1,69 @@
+"""Faces of a crack that part at its tip, against the impedance of the solid.
+
+A bar that fails at a tip (``tips``) has stored less than its part of the crack costs. What a
+growing crack releases beyond that becomes waves, unless something takes it where the faces part.
+With ``material.crack_opening = "viscous"`` they part against
+
+    sigma = rho c_P d(opening)/dt,
+
+as an elastic half space resists the motion of its surface. A bar has its fracture area as its share
+of the faces, so it pulls with the force F = rho c_P A^f dl/dt until it is as long as at the opening
+with which the rule for tips counts. Nothing is chosen but the material's own impedance, and a crack
+that grows slowly meets no resistance.
+
+The work of these forces counts as dissipated by the bar. It is the trapezium of central differences
+and therefore exact: both are known at the end of a step.
+"""
+
+import taichi as ti
+
+from taichi_ldem.solver.bars import LatticeBars
+from taichi_ldem.solver.state import State
+from taichi_ldem.solver.tips import CrackTips
+
+FAILED = -1e-6
+"""What the peak strain of a bar that failed at a tip stays below."""
+
+
+@ti.data_oriented
+class PartingFaces:
+    """Viscous pulls of bars that have failed at the tip of a crack."""
+
+    def __init__(self, state: State, bars: LatticeBars, tips: CrackTips):
+        self.state, self.bars, self.tips = state, bars, tips
+
+    @ti.func
+    def resist(self, bar, strain, at: ti.template(), step: ti.template(), lane):
+        """Add the pull of a bar that failed at a tip to its stored force, and book its work.
+
+        Args:
+            bar: its number, not known when the kernel is compiled.
+            strain: its engineering strain.
+        """
+        near, far, rest = self.bars.ends(bar)
+        change = self.bars.last_stretching(near, far, rest, strain, at, step, lane)
+        for one in ti.static(range(self.state.cell.bars)):
+            if one == bar:
+                before = self.state.resistance[one][at.k, at.j, at.m][lane]
+                now = 0.0
+                if self.is_parting(one, strain, at, step, lane) and step.drift > 0:
+                    time = self.state.viscosity[ti.static(self.state.cell.family[one])]
+                    now = time * change / step.drift
+                self.state.resistance[one][at.k, at.j, at.m][lane] = now
+                own = self.bars.peak_strain(one, at, lane, step.peak_strain)
+                work = 0.5 * (before + now) * change / (own * own)
+                peak = self.state.peak[one][at.k, at.j, at.m][lane]
+                self.state.peak[one][at.k, at.j, at.m][lane] = ti.min(peak - work, FAILED)
+                stored = self.state.axial[one][at.row, at.k, at.m][lane]
+                pull = self.bars.stiffness(one, at, lane) * now / (1 + strain)
+                self.state.axial[one][at.row, at.k, at.m][lane] = stored + pull
+
+    @ti.func
+    def is_parting(self, bar: ti.template(), strain, at: ti.template(), step: ti.template(), lane):
+        """Whether a bar is longer than at rest, but not than at the opening that counts at a tip.
+
+        With w = c e L0 and F = EA e, the condition F w / 2 = G_f A^f of ``tips`` holds at the
+        strain e, and w is the elongation at the strain c e = sqrt(2 c G_f A^f / (EA L0)).
+        """
+        twice = ti.static(2 * self.state.cell.opening)
+        return strain > 0 and strain * strain < twice * self.tips.cost(bar, at, lane, step)
