@@ -68,6 +68,13 @@ class ModuleVolumes:
         return total + ti.static(float(i == j))
 
     @ti.func
+    def volume_at_rest(self, at: ti.template()):
+        """det G of a column's modules in a perturbed lattice: their volume at rest over L^3."""
+        g = [self.rest(i, j, at) for i, j in ti.static(AXES)]
+        of_g = self.cofactors(g)
+        return g[0] * of_g[0] + g[1] * of_g[1] + g[2] * of_g[2]
+
+    @ti.func
     def swelling(self, at: ti.template(), step: ti.template()):
         """J - 1 of a column's modules, and the nine cofactors of F, in every lane.
 
@@ -190,6 +197,8 @@ class ModuleVolumes:
             lost = self.share(grown, before, step) - share
             modulus = step.volumetric * self.state.volume_modulus[k, j, m][lane]
             loss = 0.5 * modulus * step.spacing**3 * lost * grown * grown
+            if ti.static(self.state.features.perturbed):
+                loss *= self.volume_at_rest(at)[lane]
             self.state.volume_loss[k, j, m][lane] = self.state.volume_loss[k, j, m][lane] + loss
             self.state.volume_damage[k, j, m][lane] = after
         if ti.static(self.state.features.crack):
@@ -239,6 +248,8 @@ class ModuleVolumes:
             if ti.static(self.state.features.history):
                 part *= self.share(grown[lane], self.state.volume_damage[k, j, m][lane], step)
                 lost += ti.cast(self.state.volume_loss[k, j, m][lane], ti.f64)
+            if ti.static(self.state.features.perturbed):
+                part *= self.volume_at_rest(at)[lane]
             total += ti.cast(part, ti.f64)
         edge = ti.cast(step.spacing, ti.f64)
         return 0.5 * step.volumetric * edge**3 * total, lost
