@@ -408,6 +408,9 @@ def _check_vulkan(scene: Scene) -> None:
     if (solver.arch, solver.precision, law) == ("vulkan", "f64", "exponential"):
         why = 'Vulkan has no exp in f64, use "bilinear" or solver.precision = "f32"'
         raise refuse("material.law", law, why)
+    if solver.arch == "vulkan" and scene.material.damage and scene.material.fracture == "crack":
+        why = 'must be "bar" on Vulkan, for which Taichi 1.7.4 cannot compile the rule for tips'
+        raise refuse("material.fracture", "crack", why)
 
 
 CHECKS: tuple[Callable[[Scene], None], ...] = (

@@ -86,6 +86,25 @@ def _vulkan_devices() -> list[bool]:
     return found
 
 
+@contextlib.contextmanager
+def compiling() -> Iterator[None]:
+    """Around the first kernels of a scene: says in one line what Vulkan's compiler cannot do.
+
+    Raises:
+        SceneError: Taichi 1.7.4 fails on some kernels that it compiles for LLVM ("Value does not
+            yet exist"), such as those of modules' volumes.
+    """
+    try:
+        yield
+    except RuntimeError as error:
+        if "spirv" not in str(error):
+            raise
+        raise SceneError(
+            'solver.arch = "vulkan": Taichi cannot compile this scene for Vulkan; use "cpu" or '
+            f'"cuda" ({" ".join(str(error).split())})'
+        ) from None
+
+
 def vulkan_device() -> bool:
     """Whether a Vulkan device exists."""
     return sys.platform == "darwin" or bool(_vulkan_devices())  # Taichi ships one for macOS

@@ -108,7 +108,8 @@ class Simulation:
         """Set the parameters of a step from scene and lattice."""
         self.spacing = self.dynamics.lattice.spacing
         self.damping = self.scene.solver.damping
-        self.critical_time_step = stability.critical_time_step(self.dynamics)
+        with backend.compiling():
+            self.critical_time_step = stability.critical_time_step(self.dynamics)
         self.time_step, self.sample_every = stability.chosen_time_step(
             self.scene, self.critical_time_step
         )

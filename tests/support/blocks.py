@@ -73,8 +73,8 @@ class Breakable:
         """Make all bars whole, of a material that differs from PMMA in what is given."""
         self.bars = mat.bar_families(Material(**PMMA | DAMAGE | material), self.spacing)
         self.dynamics.set_bars(self.bars)
-        for name in ("peak", "touched", "recorded"):
-            for field in self.dynamics.fields()[name]:
+        for name in ("peak", "touched", "recorded", "face_loss", "velocity"):
+            for field in self.dynamics.fields().get(name, []):
                 field.fill(0)
         return self
 

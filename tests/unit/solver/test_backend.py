@@ -86,3 +86,20 @@ def test_vulkan_has_no_exponential_law_in_f64() -> None:
     with pytest.raises(SceneError, match="has no exp in f64"):
         block_scene(4, 4, 1, material=law, solver={"arch": "vulkan"})
     block_scene(4, 4, 1, material=law, solver={"arch": "vulkan", "precision": "f32"})
+
+
+def test_what_vulkan_cannot_compile_is_said_in_a_line() -> None:
+    with (
+        pytest.raises(SceneError, match=r'cannot compile this scene.*use "cpu".*does not yet'),
+        backend.compiling(),
+    ):
+        raise RuntimeError('\n[spirv_ir_builder.cpp:query_value@1316] "tmp1" does not yet exist.\n')
+    with pytest.raises(RuntimeError, match="another"), backend.compiling():
+        raise RuntimeError("another error")
+
+
+def test_vulkan_has_no_rule_for_crack_tips() -> None:
+    """Taichi's SPIR-V builder fails: a value does not yet exist."""
+    crack = DAMAGE | {"fracture": "crack"}
+    with pytest.raises(SceneError, match=r'material.fracture.*must be "bar" on Vulkan'):
+        block_scene(4, 4, 1, material=crack, solver={"arch": "vulkan"})

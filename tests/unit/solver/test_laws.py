@@ -105,9 +105,15 @@ def test_a_step_in_which_the_law_bends_does_the_work_of_the_bar(
     assert np.abs(extra).max() > 0.02  # it is no small correction
 
 
-def test_a_failed_bar_that_closes_carries_compression_and_no_tension(taichi: None) -> None:
+@pytest.fixture(scope="module")
+def closing(taichi: None) -> Breakable:
+    """A block whose failed bars carry compression; its kernels take 18 s on a slow core."""
+    return Breakable("bilinear", closing=True)
+
+
+def test_a_failed_bar_that_closes_carries_compression_and_no_tension(closing: Breakable) -> None:
     """Forces bar by bar, and the work of the nodes against the change of the ledger's energies."""
-    block = Breakable("bilinear", closing=True)
+    block = closing.renew()
     body, positions = block.body, block.body.positions
     stiffness = (block.bars.longitudinal.axial_stiffness, block.bars.diagonal.axial_stiffness)
     block.put(4.0 * EPS_P * positions)  # K_r is 2.3 and 2.7: every bar fails
@@ -135,10 +141,10 @@ def test_a_failed_bar_that_closes_carries_compression_and_no_tension(taichi: Non
 
 @pytest.mark.parametrize(("start", "end"), [(0.4, -0.3), (-0.3, 0.4), (0.4, 0.1), (-0.1, -0.4)])
 def test_what_a_step_leaves_out_where_crack_faces_meet_is_booked_as_lost(
-    taichi: None, start: float, end: float
+    closing: Breakable, start: float, end: float
 ) -> None:
     """The trapezium of a step less the area under the force, which is 0 in tension, bar by bar."""
-    block, time_step = Breakable("bilinear", closing=True), 4e-8
+    block, time_step = closing.renew(), 4e-8
     body = block.body
     block.put(4.0 * EPS_P * body.positions)
     rate = EPS_P * (end - start) / time_step
