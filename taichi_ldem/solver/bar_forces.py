@@ -56,14 +56,21 @@ class BarForces:
                 if ti.static(self.state.features.damage):
                     # not unrolled, as it is long and seldom needed
                     for bar in range(self.state.cell.bars):
-                        if (bends >> bar) & 1:
-                            self.bends.add_force(bar, strains[bar], peaks[bar], at, step, lane)
-                        if ti.static(self.state.features.meeting):
-                            if (faces >> bar) & 1:
-                                self.bends.note_meeting(bar, strains[bar], at, step, lane)
+                        bent, cracked = (bends >> bar) & 1 != 0, (faces >> bar) & 1 != 0
+                        parts = False
                         if ti.static(self.state.features.viscous):
-                            if peaks[bar] < 0:
-                                self.parting.resist(bar, strains[bar], at, step, lane)
+                            parts = peaks[bar] < 0
+                        if bent or cracked or parts:
+                            strain, before = strains[bar], peaks[bar]
+                            change = self.bars.last_stretching(bar, strain, at, step, lane)
+                            if bent:
+                                self.bends.add_force(bar, strain, change, before, at, step, lane)
+                            if ti.static(self.state.features.meeting):
+                                if cracked:
+                                    self.bends.note_meeting(bar, strain, change, at, step, lane)
+                            if ti.static(self.state.features.viscous):
+                                if parts:
+                                    self.parting.resist(bar, strain, change, at, step, lane)
 
     @ti.func
     def may_soften(self, bar: ti.template(), force, at: ti.template(), step: ti.template(), lane):

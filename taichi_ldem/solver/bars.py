@@ -103,24 +103,12 @@ class LatticeBars:
 
     @ti.func
     def ends(self, bar):
-        """Both ends of a bar and the vector between them; its number may be a run-time one."""
-        near, far, rest = ti.Vector([0] * 4), ti.Vector([0] * 4), ti.Vector.zero(float, 3)
-        for one in ti.static(range(self.state.cell.bars)):
-            if one == bar:
-                near, far = self.end(one, 0), self.end(one, 1)
-                rest = self.vector(one)
-        return near, far, rest
+        """Both ends of a bar and the vector between them; its number may be a run-time one.
 
-    @ti.func
-    def end(self, bar: ti.template(), which: ti.template()):
-        """(4,) sublattice of an end of a bar, and offset (dz, dy, dx) of its site."""
-        s, offset = ti.static(self.state.cell.ends[bar][which])
-        return ti.Vector([s, offset[0], offset[1], offset[2]])
-
-    @ti.func
-    def vector(self, bar: ti.template()):
-        """(3,) vector between the ends of a bar in the regular lattice, in module edges."""
-        return ti.Vector([ti.static(float(self.state.cell.vectors[bar][n])) for n in range(3)])
+        An end is (4,) sublattice and offset (dz, dy, dx) of its site. They come from tables, as a
+        branch for each bar would take long to compile.
+        """
+        return self.state.ends[bar, 0], self.state.ends[bar, 1], self.state.vector[bar]
 
     # -- strain ------------------------------------------------------------------------------------
 
@@ -192,17 +180,16 @@ class LatticeBars:
         return q / (1 + ti.sqrt(ti.max(1 + q, TINY)))
 
     @ti.func
-    def last_stretching(
-        self, near, far, rest, strain, at: ti.template(), step: ti.template(), lane
-    ):
+    def last_stretching(self, bar, strain, at: ti.template(), step: ti.template(), lane):
         """Strain of a bar at the step less that one step before, from the velocities between.
 
         No node may have been moved in this step yet.
 
         Args:
-            near, far: (4,) sublattice of an end, and offset (dz, dy, dx) of its site.
-            rest: (3,) vector between the ends in the regular lattice, in module edges.
+            bar: its number, not known when the kernel is compiled.
+            strain: its engineering strain at the step.
         """
+        near, far, rest = self.ends(bar)
         k, j, i, now = at.k, at.j, self.access.site_of(at.m, lane), step.now
         s, a, b, c = near[0], k + near[1], j + near[2], i + near[3]
         t, d, e, f = far[0], k + far[1], j + far[2], i + far[3]

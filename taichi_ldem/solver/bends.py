@@ -41,7 +41,7 @@ class LawBends:
         return ti.cast(bends, ti.i32)
 
     @ti.func
-    def add_force(self, bar, strain, before, at: ti.template(), step: ti.template(), lane):
+    def add_force(self, bar, strain, change, before, at: ti.template(), step: ti.template(), lane):
         """Add the force that makes up for a bend of the law in the last step to a stored one.
 
         Let D be the last change of the bar's length and M the energy that (F_before + F_now) D / 2
@@ -56,9 +56,9 @@ class LawBends:
 
         Args:
             bar: its number, not known when the kernel is compiled.
+            change: what its strain has changed by in the last step.
             before: peak strain over eps_p one step before.
         """
-        near, far, rest = self.bars.ends(bar)
         family, after, own, stiffness = 0, 0.0, 0.0, 0.0
         for one in ti.static(range(self.state.cell.bars)):
             if one == bar:
@@ -66,11 +66,11 @@ class LawBends:
                 after = self.state.peak[one][at.k, at.j, at.m][lane]
                 own = self.bars.peak_strain(one, at, lane, step.peak_strain)
                 stiffness = self.bars.stiffness(one, at, lane)
-        change = ti.cast(self.bars.last_stretching(near, far, rest, strain, at, step, lane), ti.f64)
-        missing, loss = self.left_out(family, strain, change, before, after, own)
-        soft = ti.cast(stiffness * self.mobility(near, far, at, lane), ti.f64)
+        way = ti.cast(change, ti.f64)
+        missing, loss = self.left_out(family, strain, way, before, after, own)
+        soft = ti.cast(stiffness * self.mobility(bar, at, lane), ti.f64)
         soft *= step.kick * step.drift
-        force = stiffness * ti.cast(self.root(change + 0.5 * soft * loss, soft, missing), float)
+        force = stiffness * ti.cast(self.root(way + 0.5 * soft * loss, soft, missing), float)
         force /= ti.max(1 + strain, ti.static(TINY**0.5))
         for one in ti.static(range(self.state.cell.bars)):
             if one == bar:
@@ -110,8 +110,9 @@ class LawBends:
         return result
 
     @ti.func
-    def mobility(self, near, far, at: ti.template(), lane):
-        """Sum of the inverse masses of a bar's ends (``end``), 1/kg."""
+    def mobility(self, bar, at: ti.template(), lane):
+        """Sum of the inverse masses of a bar's ends, 1/kg."""
+        near, far, _ = self.bars.ends(bar)
         k, j, i = at.k, at.j, self.access.site_of(at.m, lane)
         first = self.access.mass(near[0], k + near[1], j + near[2], i + near[3])
         return 1 / first + 1 / self.access.mass(far[0], k + far[1], j + far[2], i + far[3])
@@ -125,17 +126,15 @@ class LawBends:
         return ti.cast(failed, ti.i32)
 
     @ti.func
-    def note_meeting(self, bar, strain, at: ti.template(), step: ti.template(), lane):
+    def note_meeting(self, bar, strain, change, at: ti.template(), step: ti.template(), lane):
         """Add up what (F_before + F_now) D / 2 leaves out where crack faces met or parted.
 
         A force comes or goes within the step, and nodes that come faster than they part lose the
         energy. So it is a loss in contact, as that of a node that lands on a rigid body.
 
         Args:
-            bar: its number, not known when the kernel is compiled.
+            bar, change: as in ``add_force``.
         """
-        near, far, rest = self.bars.ends(bar)
-        change = self.bars.last_stretching(near, far, rest, strain, at, step, lane)
         old = strain - change
         # columns at either end of a row belong to another lane, which adds them up
         own = HALO <= at.m < ti.static(HALO + self.state.lanes.length)

@@ -402,6 +402,14 @@ def _families(layout: Layout) -> tuple[int, ...]:
     return (layout.cell.families,)
 
 
+def _bars(layout: Layout) -> tuple[int, ...]:
+    return (layout.cell.bars,)
+
+
+def _bar_ends(layout: Layout) -> tuple[int, ...]:
+    return layout.cell.bars, 2
+
+
 def _damage(features: Features, _: Layout) -> bool:
     return features.damage
 
@@ -470,6 +478,10 @@ FIELDS = (
         present=_named("viscous")),
     Row("softening", "parameters of the law by bar family", "", _families, numbers=2,
         present=_damage),
+    Row("ends", "sublattice and offset (dz, dy, dx) of the site of both ends of a bar", "",
+        _bar_ends, kind="i32", numbers=4, present=_damage),
+    Row("vector", "vector between the ends of a bar in the regular lattice, in module edges", "",
+        _bars, numbers=3, present=_damage),
     Row("removed", "a bit for each bar that a notch removes", "", _columns, kind="u16",
         present=_named("notch")),
     Row("damped", "energy that a node has lost by damping", "J", _columns, "node",

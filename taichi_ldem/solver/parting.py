@@ -33,37 +33,43 @@ class PartingFaces:
         self.state, self.bars, self.tips = state, bars, tips
 
     @ti.func
-    def resist(self, bar, strain, at: ti.template(), step: ti.template(), lane):
+    def resist(self, bar, strain, change, at: ti.template(), step: ti.template(), lane):
         """Add the pull of a bar that failed at a tip to its stored force, and book its work.
 
         Args:
             bar: its number, not known when the kernel is compiled.
             strain: its engineering strain.
+            change: what its strain has changed by in the last step.
         """
-        near, far, rest = self.bars.ends(bar)
-        change = self.bars.last_stretching(near, far, rest, strain, at, step, lane)
+        before, peak, own, cost, time, stiffness = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for one in ti.static(range(self.state.cell.bars)):
             if one == bar:
                 before = self.state.resistance[one][at.k, at.j, at.m][lane]
-                now = 0.0
-                if self.is_parting(one, strain, at, step, lane) and step.drift > 0:
-                    time = self.state.viscosity[ti.static(self.state.cell.family[one])]
-                    now = time * change / step.drift
-                self.state.resistance[one][at.k, at.j, at.m][lane] = now
-                own = self.bars.peak_strain(one, at, lane, step.peak_strain)
-                work = 0.5 * (before + now) * change / (own * own)
                 peak = self.state.peak[one][at.k, at.j, at.m][lane]
+                own = self.bars.peak_strain(one, at, lane, step.peak_strain)
+                cost = self.tips.cost(one, at, lane, step)
+                time = self.state.viscosity[ti.static(self.state.cell.family[one])]
+                stiffness = self.bars.stiffness(one, at, lane)
+        now = 0.0
+        if self.is_parting(strain, cost) and step.drift > 0:
+            now = time * change / step.drift
+        work = 0.5 * (before + now) * change / (own * own)
+        pull = stiffness * now / (1 + strain)
+        for one in ti.static(range(self.state.cell.bars)):
+            if one == bar:
+                self.state.resistance[one][at.k, at.j, at.m][lane] = now
                 self.state.peak[one][at.k, at.j, at.m][lane] = ti.min(peak - work, FAILED)
                 stored = self.state.axial[one][at.row, at.k, at.m][lane]
-                pull = self.bars.stiffness(one, at, lane) * now / (1 + strain)
                 self.state.axial[one][at.row, at.k, at.m][lane] = stored + pull
 
     @ti.func
-    def is_parting(self, bar: ti.template(), strain, at: ti.template(), step: ti.template(), lane):
+    def is_parting(self, strain, cost):
         """Whether a bar is longer than at rest, but not than at the opening that counts at a tip.
 
         With w = c e L0 and F = EA e, the condition F w / 2 = G_f A^f of ``tips`` holds at the
         strain e, and w is the elongation at the strain c e = sqrt(2 c G_f A^f / (EA L0)).
+
+        Args:
+            cost: G_f A^f over EA L0.
         """
-        twice = ti.static(2 * self.state.cell.opening)
-        return strain > 0 and strain * strain < twice * self.tips.cost(bar, at, lane, step)
+        return strain > 0 and strain * strain < ti.static(2 * self.state.cell.opening) * cost

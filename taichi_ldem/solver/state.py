@@ -129,6 +129,8 @@ class State:
     resistance: list[ti.MatrixField]
     viscosity: ti.ScalarField
     softening: ti.MatrixField
+    ends: ti.MatrixField
+    vector: ti.MatrixField
     removed: ti.MatrixField
     damped: list[ti.MatrixField]
     strength: list[ti.MatrixField]
@@ -164,6 +166,10 @@ class State:
         self.peak_strain, self.volumetric, self.poisson_ratio = np.inf, 0.0, QUARTER
         for row in rows(features, self.layout):
             setattr(self, row.name, _allocate(row, self.layout))
+        if features.damage:
+            ends = [[(s, *offset) for s, offset in both] for both in self.cell.ends]
+            self.ends.from_numpy(np.array(ends, dtype=np.int32))
+            self.vector.from_numpy(np.array(self.cell.vectors, dtype=numpy_float()))
         self.set_lattice(lattice)
 
     def fields(self) -> dict[str, list[ti.Field]]:

@@ -71,7 +71,7 @@ class CrackTips:
         """Mark the columns whose bars may share a node; all threads write the same.
 
         Args:
-            end: (4,) see ``LatticeBars.end``.
+            end: (4,) see ``LatticeBars.ends``.
         """
         i = self.access.site_of(at.m, lane)
         for dz, dy, dx in ti.ndrange((-1, 2), (-1, 2), (-1, 2)):
@@ -187,9 +187,7 @@ class CrackTips:
             enough &= whole > 0
         if enough and ratio <= PASSED:
             # in the step that ends here the force has fallen to zero already
-            near, far, rest = self.bars.ends(bar)
-            change = self.bars.last_stretching(near, far, rest, strain, at, step, lane)
-            lost = strain - change
+            lost = strain - self.bars.last_stretching(bar, strain, at, step, lane)
             self.set_failed(bar, at, lane, dissipated + 0.5 * force * lost / (own * own))
 
     @ti.func
