@@ -18,7 +18,7 @@ from taichi_ldem.scenarios.resolution import unresolved
 from taichi_ldem.scene import Scene
 from taichi_ldem.scene.weibull import strength_by_volume
 from taichi_ldem.solver.contact import BODIES, CONTACTS, FRAGMENTS
-from taichi_ldem.solver.fields import Features
+from taichi_ldem.solver.features import Features
 from taichi_ldem.solver.memory import field_bytes, refuse_too_large
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ import numpy as np
 from taichi_ldem.scene import FILES, Scene, load_scene, parse_scene, scene_to_toml
 from taichi_ldem.scene.loads import OF_NODES
 from taichi_ldem.solver.contact.grips import GRIPS
-from taichi_ldem.solver.fields import tables_of_all_features
+from taichi_ldem.solver.features import tables_of_all_features
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation

@@ -308,6 +308,7 @@ def _rounded_up(strain: float) -> str:
 def _check_lattice(scene: Scene) -> None:
     plate, material = scene.plate, scene.material
     _check_ratio(scene)
+    _check_tips(scene)
     if plate.lattice == "module":
         return
     if plate.stiffness != "volumetric" and material.poisson_ratio != QUARTER:
@@ -319,6 +320,18 @@ def _check_lattice(scene: Scene) -> None:
     ):
         if value == other:
             raise refuse(key, value, 'is for plate.lattice = "module" only')
+
+
+def _check_tips(scene: Scene) -> None:
+    """Refuse tip strains in a lattice whose tip strains have not been measured."""
+    plate, criterion = scene.plate, scene.material.tip_criterion
+    if criterion != "strain":
+        return
+    why = f'must be "release" with plate.lattice = "{plate.lattice}"'
+    if plate.lattice == "module":
+        why = 'must be "release", unless plate.perturbation > 0; its constants are those of 0.07'
+    if plate.lattice != "module" or plate.perturbation == 0:
+        raise refuse("material.tip_criterion", criterion, why)
 
 
 def _check_ratio(scene: Scene) -> None:

@@ -70,6 +70,13 @@ class Material(Table):
         description="when a bar fails: when its own strain says so, or also at the tip of a crack"
         " when its failure would release G_f per area",
     )
+    tip_criterion: Literal["release", "strain"] = Field(
+        default="release",
+        description='which bars fail at the tip of a crack, with fracture = "crack": those whose'
+        " failure would release G_f per area by the opening of the crack next to them, or those"
+        " that reach the tip strain of their family, which follows from G_f, youngs_modulus and"
+        " the module edge. 'strain' is for a lattice with plate.perturbation",
+    )
     after_failure: Literal["gone", "closing"] = Field(
         default="gone",
         description="what a failed bar carries: nothing, or compression where its ends are closer"
@@ -103,6 +110,9 @@ class Material(Table):
         if self.crack_opening == "viscous" and self.fracture != "crack":
             why = 'must be "free", unless material.fracture = "crack"'
             raise refuse("material.crack_opening", self.crack_opening, why)
+        if self.tip_criterion == "strain" and self.fracture != "crack":
+            why = 'must be "release", unless material.fracture = "crack"'
+            raise refuse("material.tip_criterion", self.tip_criterion, why)
         strain = self.failure_strain
         if self.limit_strain is not None and strain is not None and self.limit_strain < strain:
             why = f"must be at least material.failure_strain = {strain!r}"

@@ -18,7 +18,7 @@ from taichi_ldem.solver.bar_forces import BarForces
 from taichi_ldem.solver.bars import LatticeBars
 from taichi_ldem.solver.bends import LawBends
 from taichi_ldem.solver.exchange import Exchange
-from taichi_ldem.solver.fields import Features
+from taichi_ldem.solver.features import Features
 from taichi_ldem.solver.nodes import NodeUpdate
 from taichi_ldem.solver.parting import PartingFaces
 from taichi_ldem.solver.state import State, field_apart, field_bytes, numpy_float

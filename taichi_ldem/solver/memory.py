@@ -14,7 +14,8 @@ from taichi_ldem.model.cell import CELLS
 from taichi_ldem.scene import Scene
 from taichi_ldem.solver.contact import FRAGMENTS
 from taichi_ldem.solver.contact.sizes import bytes_of
-from taichi_ldem.solver.fields import Features, Layout, rows, suits_one_thread
+from taichi_ldem.solver.features import Features
+from taichi_ldem.solver.fields import Layout, rows, suits_one_thread
 
 BASE = 250e6
 """Bytes of the interpreter, Taichi's compiler and the libraries: 230 MB measured."""

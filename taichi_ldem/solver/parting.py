@@ -41,17 +41,18 @@ class PartingFaces:
             strain: its engineering strain.
             change: what its strain has changed by in the last step.
         """
-        before, peak, own, cost, time, stiffness = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        before, peak, own, limit, time, stiffness = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for one in ti.static(range(self.state.cell.bars)):
             if one == bar:
                 before = self.state.resistance[one][at.k, at.j, at.m][lane]
                 peak = self.state.peak[one][at.k, at.j, at.m][lane]
                 own = self.bars.peak_strain(one, at, lane, step.peak_strain)
-                cost = self.tips.cost(one, at, lane, step)
+                limit = self.square_at_tip(one, at, lane, step)
                 time = self.state.viscosity[ti.static(self.state.cell.family[one])]
                 stiffness = self.bars.stiffness(one, at, lane)
         now = 0.0
-        if self.is_parting(strain, cost) and step.drift > 0:
+        # longer than at rest, but not than at the opening that counts at a tip
+        if strain > 0 and strain * strain < limit and step.drift > 0:
             now = time * change / step.drift
         work = 0.5 * (before + now) * change / (own * own)
         pull = stiffness * now / (1 + strain)
@@ -63,13 +64,11 @@ class PartingFaces:
                 self.state.axial[one][at.row, at.k, at.m][lane] = stored + pull
 
     @ti.func
-    def is_parting(self, strain, cost):
-        """Whether a bar is longer than at rest, but not than at the opening that counts at a tip.
+    def square_at_tip(self, bar: ti.template(), at: ti.template(), lane, step: ti.template()):
+        """Square of a bar's strain at the opening that counts at a tip.
 
         With w = c e L0 and F = EA e, the condition F w / 2 = G_f A^f of ``tips`` holds at the
         strain e, and w is the elongation at the strain c e = sqrt(2 c G_f A^f / (EA L0)).
-
-        Args:
-            cost: G_f A^f over EA L0.
         """
-        return strain > 0 and strain * strain < ti.static(2 * self.state.cell.opening) * cost
+        twice = ti.static(2 * self.tips.openings[self.state.cell.family[bar]])
+        return twice * self.tips.cost(bar, at, lane, step)

@@ -18,7 +18,8 @@ from taichi_ldem.model.lattice import Lattice
 from taichi_ldem.model.material import Bars
 from taichi_ldem.scene.equations import QUARTER
 from taichi_ldem.solver import backend
-from taichi_ldem.solver.fields import FIELDS, REAL, Features, Layout, Row, rows
+from taichi_ldem.solver.features import Features
+from taichi_ldem.solver.fields import FIELDS, REAL, Layout, Row, rows
 from taichi_ldem.solver.laws import law_named
 
 EVOLVING = tuple(row.name for row in FIELDS if row.evolves and row.name != "displacement")

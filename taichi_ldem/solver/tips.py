@@ -11,6 +11,12 @@ its own ends would part: the work that closes a crack by one bar again, as in vi
 (Rybicki and Kanninen 1977). The bound on w is the opening next to a tip in linear elasticity; it
 keeps the flanks of a wide open crack from failing under any small tension along them.
 
+With ``material.tip_criterion = "strain"`` a bar at a tip fails at the tip strain of its family,
+
+    F c (l - L0) / 2 >= G_f A^f,
+
+where w only says whether the bar is at a tip. c is a constant of the family then.
+
 Openings are those at the displacement of the step, and a bar counts as failed from the step after
 its failure on, so the order of threads changes nothing.
 
@@ -41,6 +47,10 @@ class CrackTips:
 
     def __init__(self, state: State, bars: LatticeBars, access: NodeAccess):
         self.state, self.bars, self.access = state, bars, access
+        cell, by_strain = state.cell, state.features.tip_strain
+        self.by_strain = by_strain
+        self.openings = cell.tip_openings if by_strain else (cell.opening,) * cell.families
+        self.most_failed = cell.most_cut if by_strain else cell.fewest_cut
 
     # -- openings ----------------------------------------------------------------------------------
 
@@ -120,7 +130,7 @@ class CrackTips:
         A node is at a tip as long as it has lost no more bars than a flat crack takes from it (five
         or four of the module's along (100), (110)); beyond that it is on a flank.
         """
-        at_tip = ti.static(self.state.cell.fewest_cut)
+        at_tip = ti.static(self.most_failed)
         i = self.access.site_of(at.m, lane)
         most = 0.0
         for end in ti.static(range(2)):
@@ -181,7 +191,7 @@ class CrackTips:
             # as a bar with the material's E, not that of the bars, is strained
             whole = (whole + pull) * (1 + QUARTER) / (1 + step.poisson_ratio)
         ratio = opening / (length * whole)
-        parts = whole * ti.min(ratio, ti.static(self.state.cell.opening))
+        parts = whole * self.counted(ratio, family)
         enough = force * parts >= 2 * cost
         if ti.static(self.state.features.volumetric):
             enough &= whole > 0
@@ -189,6 +199,18 @@ class CrackTips:
             # in the step that ends here the force has fallen to zero already
             lost = strain - self.bars.last_stretching(bar, strain, at, step, lane)
             self.set_failed(bar, at, lane, dissipated + 0.5 * force * lost / (own * own))
+
+    @ti.func
+    def counted(self, ratio, family):
+        """Opening w that counts at a bar, given that at its nodes; both over its elongation."""
+        w = 0.0
+        for one in ti.static(range(self.state.cell.families)):
+            if one == family:
+                if ti.static(not self.by_strain):
+                    w = ti.min(ratio, ti.static(self.openings[one]))
+                elif ratio >= 1:
+                    w += ti.static(self.openings[one])
+        return w
 
     @ti.func
     def pull_and_loss(self, family, strain, peak):

@@ -8,15 +8,8 @@ from support.blocks import DAMAGE, block_scene
 from support.paths import CONFIGS
 
 from taichi_ldem.scene import DISORDERED, load_scene
-from taichi_ldem.solver.fields import (
-    FIELDS,
-    Features,
-    Layout,
-    is_long,
-    rows,
-    suits_one_thread,
-    tables_of_all_features,
-)
+from taichi_ldem.solver.features import Features, tables_of_all_features
+from taichi_ldem.solver.fields import FIELDS, Layout, is_long, rows, suits_one_thread
 
 if TYPE_CHECKING:
     from taichi_ldem.solver.simulation import Simulation
@@ -57,8 +50,11 @@ def test_every_feature_is_left_out_with_its_reason_or_switched_on() -> None:
 
 
 # branches of the law and of crack tips that need no field
+WITHOUT_FIELDS = ("closing", "flaws", "tip_strain")
+
+
 @pytest.mark.parametrize(
-    "name", [f.name for f in dataclasses.fields(Features) if f.name not in ("closing", "flaws")]
+    "name", [f.name for f in dataclasses.fields(Features) if f.name not in WITHOUT_FIELDS]
 )
 def test_a_feature_has_fields_of_its_own(name: str) -> None:
     layout = Layout.fitting((5, 20, 20), 8, True, 2)

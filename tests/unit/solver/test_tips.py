@@ -1,16 +1,18 @@
 """Bars at the tip of a crack: which of them fail, and what that costs."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from support.blocks import DAMAGE, block_scene
 from support.reference import Body
 
+from taichi_ldem.errors import SceneError
 from taichi_ldem.model import material as mat
 from taichi_ldem.model.lattice import Lattice
 
 if TYPE_CHECKING:
+    from taichi_ldem.scene import Scene
     from taichi_ldem.solver.simulation import Simulation
 
 Array = np.ndarray
@@ -18,29 +20,45 @@ NOTCH = {"normal": "x", "position": 1.6e-3, "from": [-1.0, -1.0], "to": [0.0, 1.
 CRACK = DAMAGE | {"failure_strain": 0.05, "fracture": "crack"}
 
 
-CUBIC = pytest.param("cubic-26", marks=pytest.mark.slow)  # for the time that kernels take
+STRAIN = ({"perturbation": 0.07}, {"tip_criterion": "strain"})
+"""Of the plate and the material: bars at tips that fail at a tip strain."""
+
+MODULE = pytest.param(({}, {}), id="module")
+CUBIC = pytest.param(({"lattice": "cubic-26"}, {}), id="cubic-26", marks=pytest.mark.slow)
+PERTURBED = pytest.param(STRAIN, id="strain", marks=pytest.mark.slow)
+# slow for the time that kernels take
 
 
-@pytest.fixture(scope="module", params=["module", CUBIC])
-def simulation(taichi: None, request: pytest.FixtureRequest) -> "Simulation":
+def _scene(keys: "tuple[dict[str, Any], dict[str, Any]]", **tables: Any) -> "Scene":
     """A block whose modules are cut half through; a bar alone would bear strains of 5 %."""
+    plate, material = keys
+    return block_scene(20, 6, 3, material=CRACK | material, notch=[NOTCH], plate=plate, **tables)
+
+
+@pytest.fixture(scope="module", params=[MODULE, CUBIC, PERTURBED])
+def simulation(taichi: None, request: pytest.FixtureRequest) -> "Simulation":
     from taichi_ldem.solver.simulation import Simulation
 
-    return Simulation(
-        block_scene(20, 6, 3, material=CRACK, notch=[NOTCH], plate={"lattice": request.param})
-    )
+    return Simulation(_scene(request.param))
+
+
+def _lengths(lattice: Lattice, field: Array | float = 0.0) -> list[Array]:
+    """For each bar, its length in module edges from (nodes, *S, 3) displacements in those."""
+    offsets = 0.0 if lattice.offsets is None else lattice.offsets / lattice.spacing
+    moved = np.zeros((lattice.cell.sublattices, *lattice.sites, 3)) + offsets + field
+    found = []
+    for bar, ends in enumerate(lattice.cell.ends):
+        first, second = (
+            np.roll(moved[s], [-n for n in offset], axis=(0, 1, 2)) for s, offset in ends
+        )
+        found.append(np.linalg.norm(second - first + lattice.cell.vectors[bar], axis=-1))
+    return found
 
 
 def _of_bars(lattice: Lattice, field: Array) -> list[Array]:
     """For each bar, its elongation over L0 from (nodes, *S, 3) displacements in module edges."""
-    found = []
-    for bar, ends in enumerate(lattice.cell.ends):
-        first, second = (
-            np.roll(field[s], [-n for n in offset], axis=(0, 1, 2)) for s, offset in ends
-        )
-        rest = np.linalg.norm(lattice.cell.vectors[bar])
-        found.append(np.linalg.norm(second - first + lattice.cell.vectors[bar], axis=-1) / rest - 1)
-    return found
+    both = zip(_lengths(lattice, field), _lengths(lattice), strict=True)
+    return [length / rest - 1 for length, rest in both]
 
 
 def _expected(simulation: "Simulation", field: Array, scene_cost: tuple[float, ...]) -> Array:
@@ -54,23 +72,27 @@ def _expected(simulation: "Simulation", field: Array, scene_cost: tuple[float, .
     removed = simulation.dynamics.lanes.gather(simulation.dynamics.removed.to_numpy())
     there = np.moveaxis(lattice.bar_exists(), -1, 0)
     cut = np.stack([(removed >> bar & 1).astype(bool) for bar in range(lattice.cell.bars)]) & there
-    strain = _of_bars(lattice, field)
-    rest = [np.linalg.norm(vector) for vector in lattice.cell.vectors]
+    by_strain = simulation.scene.material.tip_criterion == "strain"
+    most_failed = 5 if by_strain else lattice.cell.fewest_cut  # a plane (100) takes five
+    strain, rest = _of_bars(lattice, field), _lengths(lattice)
     opening = np.zeros((lattice.cell.sublattices, *lattice.sites))
     count = np.zeros((lattice.cell.sublattices, *lattice.sites), dtype=int)
     for bar, *site in np.argwhere(cut):
         for s, offset in lattice.cell.ends[bar]:
             node = (s, *(np.array(site) + offset))
-            opening[node] = max(opening[node], strain[bar][tuple(site)] * rest[bar])
+            opening[node] = max(opening[node], (strain[bar] * rest[bar])[tuple(site)])
             count[node] += 1
     fails = np.stack([s >= CRACK["failure_strain"] for s in strain]) & there & ~cut
     for bar, *site in np.argwhere(there & ~cut):
         nodes = [(s, *(np.array(site) + offset)) for s, offset in lattice.cell.ends[bar]]
-        parted = max(opening[n] if count[n] <= lattice.cell.fewest_cut else 0.0 for n in nodes)
-        own = strain[bar][tuple(site)]
-        if parted > 0 and own > 0 and parted <= 4 * np.pi * own * rest[bar]:
-            share = min(parted / rest[bar], lattice.cell.opening * own)
-            fails[(bar, *site)] |= own * share / 2 >= scene_cost[lattice.cell.family[bar]]
+        parted = max(opening[n] if count[n] <= most_failed else 0.0 for n in nodes)
+        own, length = strain[bar][tuple(site)], rest[bar][tuple(site)]
+        family = lattice.cell.family[bar]
+        if parted > 0 and own > 0 and parted <= 4 * np.pi * own * length:
+            share = min(parted / length, lattice.cell.opening * own)
+            if by_strain:  # constants of the strips in docs/tension.md
+                share = (2.0, 4.0)[family] * own if parted >= own * length else 0.0
+            fails[(bar, *site)] |= own * share / 2 >= scene_cost[family]
     return fails
 
 
@@ -110,8 +132,9 @@ def test_a_bar_at_a_tip_costs_g_f_times_its_area() -> None:
 
 def test_energy_closes_while_a_crack_runs(simulation: "Simulation") -> None:
     times = {"solver": {"duration": 1.5e-5}, "output": {"history_interval": 2e-7}}
-    plate = {"lattice": simulation.scene.plate.lattice}
-    simulation.reset(block_scene(20, 6, 3, material=CRACK, notch=[NOTCH], plate=plate, **times))
+    old = simulation.scene
+    plate = {"lattice": old.plate.lattice, "perturbation": old.plate.perturbation}
+    simulation.reset(_scene((plate, {"tip_criterion": old.material.tip_criterion}), **times))
     lattice = simulation.dynamics.lattice
     stretch = np.zeros((lattice.cell.sublattices, *lattice.sites, 3))
     stretch[..., 0] = 0.012 * lattice.positions()[..., 0] * lattice.exists()
@@ -120,6 +143,22 @@ def test_energy_closes_while_a_crack_runs(simulation: "Simulation") -> None:
     assert samples[-1].broken_bars > 50
     assert samples[-1].ledger.fracture > 0.05 * samples[0].ledger.strain
     assert max(sample.energy_error for sample in samples) < 3e-3
+
+
+@pytest.mark.parametrize(
+    ("plate", "fracture", "says"),
+    [
+        ({}, "crack", "unless plate.perturbation > 0"),
+        ({"perturbation": 0.07}, "bar", 'unless material.fracture = "crack"'),
+        ({"perturbation": 0.07, "lattice": "cubic-26"}, "crack", 'with plate.lattice = "cubic-26"'),
+    ],
+)
+def test_tip_strains_need_a_perturbed_lattice(
+    plate: dict[str, Any], fracture: str, says: str
+) -> None:
+    with pytest.raises(SceneError, match=r'material\.tip_criterion = "strain"') as refused:
+        _scene((plate, {"tip_criterion": "strain", "fracture": fracture}))
+    assert says in str(refused.value)
 
 
 @pytest.mark.slow
