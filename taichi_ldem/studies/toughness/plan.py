@@ -113,4 +113,4 @@ def strips(
     for factor in refinements:
         for angle in REFINED if len(angles) > 1 else angles:
             found += [Strip(angle, factor, seed) for seed in range(seeds)]
-    return found
+    return list(dict.fromkeys(found))  # a factor of 1 asks for the scene's modules again

@@ -115,15 +115,17 @@ def table(scene: Scene, places: Places) -> str:
 
 
 def figures(scene: Scene, places: Places, out: Path) -> None:
-    """Draw the cost over the direction and over the module size."""
+    """Draw the cost over the direction and, where there are several, over the module size."""
     import matplotlib
 
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
 
-    figure = plt.figure(figsize=(11, 5), layout="constrained")
-    _polar(figure.add_subplot(1, 2, 1, projection="polar"), places, scene.plate.spacing)
-    _sizes(figure.add_subplot(1, 2, 2), places, characteristic_length(scene.material))
+    panels = 2 if len({edge for edge, _ in places}) > 1 else 1
+    figure = plt.figure(figsize=(5.5 * panels, 5), layout="constrained")
+    _polar(figure.add_subplot(1, panels, 1, projection="polar"), places, scene.plate.spacing)
+    if panels > 1:
+        _sizes(figure.add_subplot(1, panels, 2), places, characteristic_length(scene.material))
     figure.savefig(out / "toughness.png", dpi=130)
     plt.close(figure)
 

@@ -60,8 +60,13 @@ class Grips(RigidBody):
         exists = dynamics.lattice.exists()
         start = along[exists].max() - table.length - 1e-6 * dynamics.lattice.spacing
         nodes = np.flatnonzero(exists & (np.abs(along) >= start)).astype(np.int32)
+        # nodes of any seed: they and the outermost one may lie this much further in
+        lattice = dynamics.lattice
+        regular = np.abs(lattice.grid()[..., :2] @ (cosine, sine))[exists]
+        inward = 2 * lattice.perturbation * lattice.spacing + table.length
+        room = int(np.count_nonzero(regular >= regular.max() - inward - 1e-6 * lattice.spacing))
         kind = (table.lateral, "gauge" if table.gauge_length else "no gauge")
-        return Layout((table.velocity, table.ramp, cosine, sine), len(nodes), kind, nodes)
+        return Layout((table.velocity, table.ramp, cosine, sine), room, kind, nodes)
 
     def start(self, scene: "Scene", time_step: float) -> None:
         """Set the separation of the grips to zero."""

@@ -21,20 +21,25 @@ INNER, OUTER, HEIGHT = range(3)
 
 
 def fixed_nodes(
-    dynamics: Dynamics, numbers: Sequence[float], *, through: bool
+    dynamics: Dynamics, numbers: Sequence[float], *, through: bool, any_seed: bool = False
 ) -> npt.NDArray[np.int32]:
     """Nodes between the circles: on both faces, or ``through`` the whole thickness.
 
     They are chosen by exact positions: in f32 a face may lie off its ring by more than the slack.
+
+    Args:
+        any_seed: those that may lie there in a perturbed lattice, whatever its seed.
     """
     inner, outer, _ = numbers
-    position = dynamics.lattice.positions()
+    lattice = dynamics.lattice
+    position = lattice.grid() if any_seed else lattice.positions()
     spacing = dynamics.lattice.spacing
     height = dynamics.lattice.modules[2] * spacing
     radius = np.hypot(position[..., 0], position[..., 1])
     slack = 1e-9 * spacing
-    held = dynamics.lattice.exists()
-    held &= (radius >= inner - slack) & (radius <= outer + slack)
+    margin = slack + lattice.perturbation * spacing if any_seed else slack
+    held = lattice.exists()
+    held &= (radius >= inner - margin) & (radius <= outer + margin)
     if not through:
         z = position[..., 2]
         held &= (z < slack) | (z > height - slack)
@@ -112,12 +117,14 @@ class Rings(RigidBody):
             raise SceneError(
                 f"clamp.inner_diameter = {clamp.inner_diameter}: the clamp holds no node"
             )
+        # seeds of a perturbed lattice share a length of the list, and so their kernels
+        room = len(fixed_nodes(dynamics, numbers, through=clamp.kind == "rim", any_seed=True))
         if clamp.kind != "rings":
-            return Layout(numbers, len(fixed), "fixed nodes", fixed, math.inf)
+            return Layout(numbers, room, "fixed nodes", fixed, math.inf)
         # Rings that separate: the nodes between the circles through the whole thickness. On a
         # small plate all nodes, as fast debris may come near.
         nodes = int(np.count_nonzero(dynamics.lattice.exists()))
-        through = max(len(fixed) * dynamics.sites[0], 10_000)
+        through = max(room * dynamics.sites[0], 10_000)
         friction = math.inf if clamp.friction is None else clamp.friction
         return Layout(numbers, min(through, nodes), "rings", fixed, friction)
 

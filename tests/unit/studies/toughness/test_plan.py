@@ -42,6 +42,11 @@ def test_every_direction_has_its_strips_and_two_have_finer_ones() -> None:
     assert {strip.angle for strip in wanted if strip.refinement > 1} == {0.0, 45.0}
 
 
+def test_the_scenes_own_modules_are_not_run_twice() -> None:
+    wanted = strips(BASE, refinements=(1.0,), seeds=2)
+    assert len(wanted) == len(set(wanted)) == 2 * len(ANGLES)
+
+
 def test_what_is_no_strip_is_refused() -> None:
     data = BASE.model_dump(by_alias=True, exclude_none=True)
     without = parse_scene({name: table for name, table in data.items() if name != "notch"})
