@@ -38,7 +38,7 @@ COARSEST = 0.7
 """L / l_ch from which on bars cannot soften; up to there the costs are continued in a line."""
 
 
-AT_TIPS = {"module": (0.95, 1.36), "cubic-26": (0.82, 1.15)}
+AT_TIPS = {"module": (0.95, 1.38), "cubic-26": (0.82, 1.15)}
 """Least and largest G_c / G_f with ``fracture = "crack"`` by lattice, of all directions; those of
 the paper's module are of all module sizes, too."""
 

@@ -39,7 +39,7 @@ def _with(**material) -> Scene:
 
 def test_cracks_that_grow_by_their_energy_cost_about_g_f() -> None:
     said = words(_with(fracture="crack"))
-    assert said == "0.95 to 1.36 G_f, by its direction in the lattice"
+    assert said == "0.95 to 1.38 G_f, by its direction in the lattice"
     assert crack_cost(_with(fracture="crack")) is None
     assert words(_with()).startswith("2.8 to 3.2 G_f")
 
