@@ -234,12 +234,10 @@ def main(words: list[str]) -> int:
 
     simulation = None
     for path, scene in scenes:
-        try:
-            if simulation is not None:
-                simulation.reset(scene)
-        except ValueError:  # other places of the nodes need longer lists
-            simulation = None
-        simulation = simulation or Simulation(scene)
+        if simulation is None:
+            simulation = Simulation(scene)
+        else:
+            simulation.reset(scene)
         try:
             found: dict[str, Any] = asdict(read(simulation, run(simulation)))
         except SimulationStopped as error:

@@ -60,11 +60,11 @@ class Grips(RigidBody):
         exists = dynamics.lattice.exists()
         start = along[exists].max() - table.length - 1e-6 * dynamics.lattice.spacing
         nodes = np.flatnonzero(exists & (np.abs(along) >= start)).astype(np.int32)
-        # nodes of any seed: they and the outermost one may lie this much further in
-        lattice = dynamics.lattice
-        regular = np.abs(lattice.grid()[..., :2] @ (cosine, sine))[exists]
-        inward = 2 * lattice.perturbation * lattice.spacing + table.length
-        room = int(np.count_nonzero(regular >= regular.max() - inward - 1e-6 * lattice.spacing))
+        room, lattice = len(nodes), dynamics.lattice
+        if lattice.perturbation:  # for any seed: the nodes and the outermost one may lie further in
+            regular = np.abs(lattice.grid()[..., :2] @ (cosine, sine))[exists]
+            inward = table.length + (2 * lattice.perturbation + 1e-6) * lattice.spacing
+            room = int(np.count_nonzero(regular >= regular.max() - inward))
         kind = (table.lateral, "gauge" if table.gauge_length else "no gauge")
         return Layout((table.velocity, table.ramp, cosine, sine), room, kind, nodes)
 

@@ -33,8 +33,8 @@ def fixed_nodes(
     inner, outer, _ = numbers
     lattice = dynamics.lattice
     position = lattice.grid() if any_seed else lattice.positions()
-    spacing = dynamics.lattice.spacing
-    height = dynamics.lattice.modules[2] * spacing
+    spacing = lattice.spacing
+    height = lattice.modules[2] * spacing
     radius = np.hypot(position[..., 0], position[..., 1])
     slack = 1e-9 * spacing
     margin = slack + lattice.perturbation * spacing if any_seed else slack
@@ -117,8 +117,9 @@ class Rings(RigidBody):
             raise SceneError(
                 f"clamp.inner_diameter = {clamp.inner_diameter}: the clamp holds no node"
             )
-        # seeds of a perturbed lattice share a length of the list, and so their kernels
-        room = len(fixed_nodes(dynamics, numbers, through=clamp.kind == "rim", any_seed=True))
+        room = len(fixed)
+        if dynamics.lattice.perturbation:  # seeds share a length of the list, and so their kernels
+            room = len(fixed_nodes(dynamics, numbers, through=clamp.kind == "rim", any_seed=True))
         if clamp.kind != "rings":
             return Layout(numbers, room, "fixed nodes", fixed, math.inf)
         # Rings that separate: the nodes between the circles through the whole thickness. On a
