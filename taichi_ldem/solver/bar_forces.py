@@ -9,7 +9,7 @@ elastic force comes close to that at eps_p or a bit marks a bar as no longer ela
 
 import taichi as ti
 
-from taichi_ldem.solver.bars import ALL, TINY, LatticeBars
+from taichi_ldem.solver.bars import TINY, LatticeBars
 from taichi_ldem.solver.bends import LawBends
 from taichi_ldem.solver.parting import PartingFaces
 from taichi_ldem.solver.state import State
@@ -37,49 +37,62 @@ class BarForces:
         """
         for lane in range(self.state.lanes.width):
             if (lanes >> lane) & 1:
-                bends, faces = 0, 0
-                strains = ti.Vector.zero(float, self.state.cell.bars)
-                peaks = ti.Vector.zero(float, self.state.cell.bars)
+                forces = ti.Vector.zero(float, self.state.cell.bars)
                 for bar in ti.static(range(self.state.cell.bars)):
-                    whole = self.state.axial[bar][at.row, at.k, at.m][lane]
-                    if self.may_soften(bar, whole, at, step, lane):
-                        strain = self.bars.strain(self.bars.twice_green_strain(bar, at, step, lane))
-                        strains[bar] = strain
-                        if ti.static(self.state.features.damage):
-                            peaks[bar] = self.state.peak[bar][at.k, at.j, at.m][lane]
-                        share = self.updated_integrity(bar, strain, at, step, lane)
-                        self.state.axial[bar][at.row, at.k, at.m][lane] = share * whole
-                        if ti.static(self.state.features.damage):
-                            bends |= self.bends.may_bend(bar, peaks[bar], at, lane) << bar
-                        if ti.static(self.state.features.meeting):
-                            faces |= self.bends.is_crack(bar, peaks[bar], at, lane) << bar
-                if ti.static(self.state.features.damage):
-                    # not unrolled, as it is long and seldom needed
-                    for bar in range(self.state.cell.bars):
-                        bent, cracked = (bends >> bar) & 1 != 0, (faces >> bar) & 1 != 0
-                        parts = False
-                        if ti.static(self.state.features.viscous):
-                            parts = peaks[bar] < 0
-                        if bent or cracked or parts:
-                            strain, before = strains[bar], peaks[bar]
-                            change = self.bars.last_stretching(bar, strain, at, step, lane)
-                            if bent:
-                                self.bends.add_force(bar, strain, change, before, at, step, lane)
-                            if ti.static(self.state.features.meeting):
-                                if cracked:
-                                    self.bends.note_meeting(bar, strain, change, at, step, lane)
-                            if ti.static(self.state.features.viscous):
-                                if parts:
-                                    self.parting.resist(bar, strain, change, at, step, lane)
+                    forces[bar] = self.state.axial[bar][at.row, at.k, at.m][lane]
+                for bar in range(self.state.cell.bars):
+                    forces[bar] = self.damaged(bar, forces[bar], at, step, lane)
+                for bar in ti.static(range(self.state.cell.bars)):
+                    self.state.axial[bar][at.row, at.k, at.m][lane] = forces[bar]
 
     @ti.func
-    def may_soften(self, bar: ti.template(), force, at: ti.template(), step: ti.template(), lane):
+    def damaged(self, bar, whole, at: ti.template(), step: ti.template(), lane):
+        """Update the history of a bar; its force over current length, given that of a whole bar."""
+        force = whole
+        if self.may_soften(bar, whole, at, step, lane):
+            strain = self.bars.strain(self.bars.twice_green_strain(bar, at, step, lane))
+            before = 0.0
+            if ti.static(self.state.features.damage):
+                before = self.state.peak[bar, at.k, at.j, at.m][lane]
+            force *= self.updated_integrity(bar, strain, at, step, lane)
+            if ti.static(self.state.features.damage):
+                force += self.after_bend(bar, strain, before, at, step, lane)
+        return force
+
+    @ti.func
+    def after_bend(self, bar, strain, before, at: ti.template(), step: ti.template(), lane):
+        """Additional force over current length where the law of a bar has bent in the last step.
+
+        Args:
+            before: its peak strain over eps_p one step before.
+        """
+        force = 0.0
+        bends = self.bends.may_bend(bar, before, at, lane)
+        cracked, parts = False, False
+        if ti.static(self.state.features.meeting):
+            cracked = self.bends.is_crack(bar, before, at, lane)
+        if ti.static(self.state.features.viscous):
+            parts = before < 0
+        if bends or cracked or parts:
+            change = self.bars.last_stretching(bar, strain, at, step, lane)
+            if bends:
+                force = self.bends.force(bar, strain, change, before, at, step, lane)
+            if ti.static(self.state.features.meeting):
+                if cracked:
+                    self.bends.note_meeting(bar, strain, change, at, step, lane)
+            if ti.static(self.state.features.viscous):
+                if parts:
+                    force = self.parting.resist(bar, strain, change, at, step, lane)
+        return force
+
+    @ti.func
+    def may_soften(self, bar, force, at: ti.template(), step: ti.template(), lane):
         """Whether a bar is removed, has passed its eps_p, or is CLOSE to it by its force."""
         found = False
         if ti.static(self.state.features.damage):
             own = self.bars.peak_strain(bar, at, lane, step.peak_strain)
             most = CLOSE / (1 + 1 / own) * self.bars.stiffness(bar, at, lane)
-            peak = self.state.peak[bar][at.k, at.j, at.m][lane]
+            peak = self.state.peak[bar, at.k, at.j, at.m][lane]
             found |= force > most or peak > 1
             if ti.static(self.state.features.crack):
                 found |= peak < 0
@@ -88,9 +101,7 @@ class BarForces:
         return found
 
     @ti.func
-    def updated_integrity(
-        self, bar: ti.template(), strain, at: ti.template(), step: ti.template(), lane
-    ):
+    def updated_integrity(self, bar, strain, at: ti.template(), step: ti.template(), lane):
         """Share of its elastic force that a bar carries, after its history has been updated."""
         k, j, m = at.k, at.j, at.m
         share = 1.0
@@ -99,11 +110,11 @@ class BarForces:
                 share = 0.0
         if ti.static(self.state.features.damage):
             if share > 0:
-                peak = self.state.peak[bar][k, j, m][lane]
+                peak = self.state.peak[bar, k, j, m][lane]
                 own = self.bars.peak_strain(bar, at, lane, step.peak_strain)
                 if strain > peak * own and peak >= 0:
                     peak = strain / own
-                    self.state.peak[bar][k, j, m][lane] = peak
+                    self.state.peak[bar, k, j, m][lane] = peak
                 if peak > 1 or peak < 0:
                     # no atomic: a thread that evaluates the same column writes the same
                     bits = int(self.state.touched[k, j, m]) | 1 << lane
@@ -129,7 +140,7 @@ class BarForces:
         allowed = CLOSE / (1 + 1 / least)
         for bar in ti.static(range(self.state.cell.bars)):
             whole = self.bars.stiffness_of_lanes(bar, at)
-            q = self.bars.twice_green_strain(bar, at, step, ALL)
+            q = self.bars.twice_green_strain_of_lanes(bar, at, step)
             square = ti.max(1 + q, TINY)
             pull = (whole * q) / (square + ti.sqrt(square))
             for lane in ti.static(range(self.state.lanes.width)):

@@ -5,32 +5,29 @@ column) and, where bar scalars are stored, ``row`` (of ``State.axial``). The str
 the buffer ``now`` and the numbers of the step (see ``solver.step``).
 """
 
-from typing import Any
-
 import taichi as ti
 
-from taichi_ldem.solver.access import NodeAccess
+from taichi_ldem.solver.lanes import HALO
 from taichi_ldem.solver.state import State
-
-ALL = None
-"""In place of a lane: every lane of a column at once."""
 
 TINY = 1e-12
 """Least square of a bar's length ratio, as the direction of a bar of zero length is undefined."""
 
 
-def _every(lane: Any) -> bool:
-    return lane is ALL
-
-
 @ti.data_oriented
 class LatticeBars:
-    """Stiffness, strain and law of bars, from the fields of a lattice."""
+    """Stiffness, strain and law of bars, from the fields of a lattice.
 
-    def __init__(self, state: State, access: NodeAccess):
-        self.state, self.access = state, access
+    Functions ``of_lanes`` take every lane of a column at once, and know the bar when they are
+    compiled: the step takes them for every bar. The others take one lane, and look up what the bar
+    is in tables, so that they stand in a kernel once and not once for each bar. Both give the same
+    bits.
+    """
 
-    # -- a bar's own properties --------------------------------------------------------------------
+    def __init__(self, state: State):
+        self.state = state
+
+    # -- every lane of a column --------------------------------------------------------------------
 
     @ti.func
     def stiffness_of_lanes(self, bar: ti.template(), at: ti.template()):
@@ -39,27 +36,13 @@ class LatticeBars:
         kind = ti.static(self.state.cell.stiffness_kind[bar])
         whole = self.state.lane_entries(self.state.stiffness, self.state.code[k, j, m], kind)
         if ti.static(self.state.features.modulus):
-            whole *= self.state.modulus[bar][k, j, m]
+            whole *= self.state.modulus[bar, k, j, m]
         if ti.static(self.state.features.perturbed):
-            whole *= ti.sqrt(self.square_of_length_ratio(bar, at, ALL))
+            whole *= ti.sqrt(self.square_of_length_ratio_of_lanes(bar, at))
         return whole
 
     @ti.func
-    def stiffness(self, bar: ti.template(), at: ti.template(), lane):
-        """EA/L0 of a bar in one lane, N/m; 0 where there is none."""
-        k, j, m = at.k, at.j, at.m
-        kind = ti.static(self.state.cell.stiffness_kind[bar])
-        whole = self.state.stiffness[int(self.state.code[k, j, m][lane])][kind]
-        if ti.static(self.state.features.modulus):
-            whole *= self.state.modulus[bar][k, j, m][lane]
-        if ti.static(self.state.features.perturbed):
-            whole *= ti.sqrt(self.square_of_length_ratio(bar, at, lane))
-        return whole
-
-    @ti.func
-    def perturbed_vector(
-        self, bar: ti.template(), axis: ti.template(), at: ti.template(), lane: ti.template()
-    ):
+    def vector_of_lanes(self, bar: ti.template(), axis: ti.template(), at: ti.template()):
         """Component of the vector along a bar of a perturbed lattice at rest, in module edges."""
         k, j, m = at.k, at.j, at.m
         first, second = ti.static(self.state.cell.ends[bar])
@@ -67,109 +50,158 @@ class LatticeBars:
         far = ti.static(self.state.offset[second[0]][axis])
         near = ti.static(self.state.offset[first[0]][axis])
         along = ti.static(float(self.state.cell.vectors[bar][axis]))
-        if ti.static(_every(lane)):
-            return along + (far[k + b[0], j + b[1], m + b[2]] - near[k + a[0], j + a[1], m + a[2]])
-        else:
-            return along + (
-                far[k + b[0], j + b[1], m + b[2]][lane] - near[k + a[0], j + a[1], m + a[2]][lane]
-            )
+        return along + (far[k + b[0], j + b[1], m + b[2]] - near[k + a[0], j + a[1], m + a[2]])
 
     @ti.func
-    def square_of_length_ratio(self, bar: ti.template(), at: ti.template(), lane: ti.template()):
+    def square_of_length_ratio_of_lanes(self, bar: ti.template(), at: ti.template()):
         """Square of a bar's length in the regular lattice over that in the perturbed one."""
-        x, y, z = [self.perturbed_vector(bar, axis, at, lane) for axis in ti.static(range(3))]
+        x, y, z = [self.vector_of_lanes(bar, axis, at) for axis in ti.static(range(3))]
         return ti.static(self.state.cell.length_squared[bar]) / ((x * x + y * y) + z * z)
 
     @ti.func
-    def length_at_rest(self, bar: ti.template(), at: ti.template(), step: ti.template(), lane):
-        """L0 of a bar, m."""
-        length = step.spacing * ti.static(self.state.cell.length_squared[bar] ** 0.5)
-        if ti.static(self.state.features.perturbed):
-            length /= ti.sqrt(self.square_of_length_ratio(bar, at, lane))
-        return length
-
-    @ti.func
-    def peak_strain(self, bar: ti.template(), at: ti.template(), lane, family):
-        """A bar's eps_p, given that of its family."""
-        own = family
-        if ti.static(self.state.features.strength):
-            own = family * self.state.strength[bar][at.k, at.j, at.m][lane]
-        return own
-
-    @ti.func
-    def is_removed(self, bar: ti.template(), at: ti.template(), lane):
-        """Whether a notch has removed a bar."""
-        return (self.state.removed[at.k, at.j, at.m][lane] >> bar) & 1 != 0
-
-    @ti.func
-    def ends(self, bar):
-        """Both ends of a bar and the vector between them; its number may be a run-time one.
-
-        An end is (4,) sublattice and offset (dz, dy, dx) of its site. They come from tables, as a
-        branch for each bar would take long to compile.
-        """
-        return self.state.ends[bar, 0], self.state.ends[bar, 1], self.state.vector[bar]
-
-    # -- strain ------------------------------------------------------------------------------------
-
-    @ti.func
-    def relative_displacement(
-        self,
-        bar: ti.template(),
-        axis: ti.template(),
-        at: ti.template(),
-        step: ti.template(),
-        lane: ti.template(),
+    def square_difference_of_lanes(
+        self, bar: ti.template(), axis: ti.template(), at: ti.template(), step: ti.template()
     ):
-        """Displacement of a bar's second node less that of its first, along an axis, m."""
+        """(2 X + d) d: the square of a bar's component along an axis less that at rest, m2."""
         now, k, j, m = step.now, at.k, at.j, at.m
         first, second = ti.static(self.state.cell.ends[bar])
         a, b = ti.static(first[1], second[1])
         far = ti.static(self.state.displacement[second[0]][axis])
         near = ti.static(self.state.displacement[first[0]][axis])
-        if ti.static(_every(lane)):
-            return far[now, k + b[0], j + b[1], m + b[2]] - near[now, k + a[0], j + a[1], m + a[2]]
-        else:
-            return (
-                far[now, k + b[0], j + b[1], m + b[2]][lane]
-                - near[now, k + a[0], j + a[1], m + a[2]][lane]
-            )
-
-    @ti.func
-    def square_difference(
-        self,
-        bar: ti.template(),
-        axis: ti.template(),
-        at: ti.template(),
-        step: ti.template(),
-        lane: ti.template(),
-    ):
-        """(2 X + d) d: the square of a bar's component along an axis less that at rest, m2."""
-        d = self.relative_displacement(bar, axis, at, step, lane)
+        d = far[now, k + b[0], j + b[1], m + b[2]] - near[now, k + a[0], j + a[1], m + a[2]]
         twice = ti.static(float(2 * self.state.cell.vectors[bar][axis]))
         result = d * d
         if ti.static(self.state.features.perturbed):
-            result = (d + (2 * step.spacing) * self.perturbed_vector(bar, axis, at, lane)) * d
+            result = (d + (2 * step.spacing) * self.vector_of_lanes(bar, axis, at)) * d
         elif ti.static(twice != 0):
             result = (d + twice * step.spacing) * d
         return result
 
     @ti.func
-    def twice_green_strain(
-        self, bar: ti.template(), at: ti.template(), step: ti.template(), lane: ti.template()
+    def twice_green_strain_of_lanes(
+        self, bar: ti.template(), at: ti.template(), step: ti.template()
     ):
-        """q = (l^2 - L0^2) / L0^2 = (2 X + d).d / L0^2 of a bar, in one lane or in ALL.
+        """q = (l^2 - L0^2) / L0^2 = (2 X + d).d / L0^2 of a bar in every lane.
 
         The engineering strain is q / (1 + sqrt(1 + q)): no cancellation at small strain, and exact
         at any rotation.
         """
-        x, y, z = ti.static(range(3))
-        square = (
-            self.square_difference(bar, x, at, step, lane)
-            + self.square_difference(bar, y, at, step, lane)
-        ) + self.square_difference(bar, z, at, step, lane)
+        x, y, z = [
+            self.square_difference_of_lanes(bar, axis, at, step) for axis in ti.static(range(3))
+        ]
         inverse = ti.static(1 / self.state.cell.length_squared[bar])
-        result = square * (inverse / (step.spacing * step.spacing))
+        result = ((x + y) + z) * (inverse / (step.spacing * step.spacing))
+        if ti.static(self.state.features.perturbed):
+            result *= self.square_of_length_ratio_of_lanes(bar, at)
+        return result
+
+    # -- one lane ----------------------------------------------------------------------------------
+
+    @ti.func
+    def stiffness(self, bar, at: ti.template(), lane):
+        """EA/L0 of a bar, N/m; 0 where there is none."""
+        k, j, m = at.k, at.j, at.m
+        whole = self.state.stiffness[int(self.state.code[k, j, m][lane])][self.state.kinds[bar][1]]
+        if ti.static(self.state.features.modulus):
+            whole *= self.state.modulus[bar, k, j, m][lane]
+        if ti.static(self.state.features.perturbed):
+            whole *= ti.sqrt(self.square_of_length_ratio(bar, at, lane))
+        return whole
+
+    @ti.func
+    def family(self, bar):
+        """Number of a bar's family."""
+        return self.state.kinds[bar][0]
+
+    @ti.func
+    def ends(self, bar):
+        """Both ends of a bar and the vector between them, in module edges.
+
+        An end is (4,) sublattice and offset (dz, dy, dx) of its site.
+        """
+        return self.state.ends[bar, 0], self.state.ends[bar, 1], self.state.vector[bar]
+
+    @ti.func
+    def vector(self, bar, at: ti.template(), lane):
+        """Vector along a bar at rest, in module edges."""
+        near, far, along = self.ends(bar)
+        if ti.static(self.state.features.perturbed):
+            along += self.offset_of(far, at, lane) - self.offset_of(near, at, lane)
+        return along
+
+    @ti.func
+    def offset_of(self, end, at: ti.template(), lane):
+        """Distance of a bar's end from its place in the regular lattice, in module edges."""
+        k, j, m = at.k + end[1], at.j + end[2], at.m + end[3]
+        offset = ti.Vector.zero(float, 3)
+        for s in ti.static(range(self.state.cell.sublattices)):
+            if s == end[0]:
+                for axis in ti.static(range(3)):
+                    offset[axis] = self.state.offset[s][axis][k, j, m][lane]
+        return offset
+
+    @ti.func
+    def displacement_of(self, end, at: ti.template(), step: ti.template(), lane):
+        """Displacement of a bar's end, m."""
+        k, j, m = at.k + end[1], at.j + end[2], at.m + end[3]
+        u = ti.Vector.zero(float, 3)
+        for s in ti.static(range(self.state.cell.sublattices)):
+            if s == end[0]:
+                for axis in ti.static(range(3)):
+                    u[axis] = self.state.displacement[s][axis][step.now, k, j, m][lane]
+        return u
+
+    @ti.func
+    def velocity_of(self, end, at: ti.template(), lane):
+        """Velocity of a bar's end, m/s, from the column that owns the node: halos have none."""
+        k, j, m, own = at.k + end[1], at.j + end[2], at.m + end[3], lane
+        length = ti.static(self.state.lanes.length)
+        if m < HALO:
+            m, own = m + length, lane - 1
+        elif m >= HALO + length:
+            m, own = m - length, lane + 1
+        v = ti.Vector.zero(float, 3)
+        for s in ti.static(range(self.state.cell.sublattices)):
+            if s == end[0]:
+                for axis in ti.static(range(3)):
+                    v[axis] = self.state.velocity[s][axis][k, j, m][own]
+        return v
+
+    @ti.func
+    def square_of_length_ratio(self, bar, at: ti.template(), lane):
+        """Square of a bar's length in the regular lattice over that in the perturbed one."""
+        x = self.vector(bar, at, lane)
+        return self.state.lengths[bar][1] / ((x[0] * x[0] + x[1] * x[1]) + x[2] * x[2])
+
+    @ti.func
+    def length_at_rest(self, bar, at: ti.template(), step: ti.template(), lane):
+        """L0 of a bar, m."""
+        length = step.spacing * self.state.lengths[bar][0]
+        if ti.static(self.state.features.perturbed):
+            length /= ti.sqrt(self.square_of_length_ratio(bar, at, lane))
+        return length
+
+    @ti.func
+    def peak_strain(self, bar, at: ti.template(), lane, family):
+        """A bar's eps_p, given that of its family."""
+        own = family
+        if ti.static(self.state.features.strength):
+            own = family * self.state.strength[bar, at.k, at.j, at.m][lane]
+        return own
+
+    @ti.func
+    def is_removed(self, bar, at: ti.template(), lane):
+        """Whether a notch has removed a bar."""
+        return (self.state.removed[at.k, at.j, at.m][lane] >> bar) & 1 != 0
+
+    @ti.func
+    def twice_green_strain(self, bar, at: ti.template(), step: ti.template(), lane):
+        """q of a bar (``twice_green_strain_of_lanes``)."""
+        near, far, _ = self.ends(bar)
+        d = self.displacement_of(far, at, step, lane) - self.displacement_of(near, at, step, lane)
+        part = (d + (2 * step.spacing) * self.vector(bar, at, lane)) * d
+        inverse = self.state.lengths[bar][2]
+        result = ((part[0] + part[1]) + part[2]) * (inverse / (step.spacing * step.spacing))
         if ti.static(self.state.features.perturbed):
             result *= self.square_of_length_ratio(bar, at, lane)
         return result
@@ -186,30 +218,28 @@ class LatticeBars:
         No node may have been moved in this step yet.
 
         Args:
-            bar: its number, not known when the kernel is compiled.
             strain: its engineering strain at the step.
         """
-        near, far, rest = self.ends(bar)
-        k, j, i, now = at.k, at.j, self.access.site_of(at.m, lane), step.now
-        s, a, b, c = near[0], k + near[1], j + near[2], i + near[3]
-        t, d, e, f = far[0], k + far[1], j + far[2], i + far[3]
-        v = self.access.velocity(t, d, e, f) - self.access.velocity(s, a, b, c)
-        x = step.spacing * rest
-        x += self.access.displacement(now, t, d, e, f) - self.access.displacement(now, s, a, b, c)
+        near, far, x = self.ends(bar)
+        v = self.velocity_of(far, at, lane) - self.velocity_of(near, at, lane)
+        x *= step.spacing
+        x += self.displacement_of(far, at, step, lane) - self.displacement_of(near, at, step, lane)
         if ti.static(self.state.features.perturbed):
-            offset = self.access.offset(t, d, e, f, step.spacing)
-            x += ti.cast(offset - self.access.offset(s, a, b, c, step.spacing), float)
+            spacing = ti.cast(step.spacing, ti.f64)
+            offset = spacing * ti.cast(self.offset_of(far, at, lane), ti.f64)
+            offset -= spacing * ti.cast(self.offset_of(near, at, lane), ti.f64)
+            x += ti.cast(offset, float)
         return step.drift * x.dot(v) * (1 + strain) / ti.max(x.dot(x), TINY * step.spacing**2)
 
     # -- the softening law -------------------------------------------------------------------------
 
     @ti.func
-    def failure(self, bar: ti.template()):
+    def failure(self, bar):
         """Peak strain over eps_p at which a bar fails."""
-        return self.state.softening[ti.static(self.state.cell.family[bar])][0]
+        return self.state.softening[self.family(bar)][0]
 
     @ti.func
-    def has_failed(self, bar: ti.template(), peak):
+    def has_failed(self, bar, peak):
         """Whether a bar with a peak strain over eps_p has failed; less than 0: at a crack's tip."""
         failed = peak >= self.failure(bar)
         if ti.static(self.state.features.crack):
@@ -217,12 +247,12 @@ class LatticeBars:
         return failed
 
     @ti.func
-    def integrity(self, bar: ti.template(), strain, peak):
+    def integrity(self, bar, strain, peak):
         """Share of its stiffness that a bar has at a strain, given its peak strain over eps_p.
 
         A bar is whole in compression until it fails, and with ``closing`` also afterwards.
         """
-        family = ti.static(self.state.cell.family[bar])
+        family = self.family(bar)
         failure, parameter = self.state.softening[family][0], self.state.softening[family][1]
         share = 1 + 0 * peak  # of the same precision
         if self.has_failed(bar, peak):
@@ -235,9 +265,9 @@ class LatticeBars:
         return share
 
     @ti.func
-    def dissipated(self, bar: ti.template(), peak):
+    def dissipated(self, bar, peak):
         """Energy that a bar has dissipated at a peak strain, in units of EA eps_p^2 L0."""
-        family = ti.static(self.state.cell.family[bar])
+        family = self.family(bar)
         failure, parameter = self.state.softening[family][0], self.state.softening[family][1]
         energy = 0 * peak  # of the same precision
         if peak >= failure:
@@ -253,7 +283,7 @@ class LatticeBars:
         return energy
 
     @ti.func
-    def energy(self, bar: ti.template(), strain, peak, own):
+    def energy(self, bar, strain, peak, own):
         """Energy that a bar stores and has dissipated over EA L0, f64.
 
         Args:

@@ -5,7 +5,7 @@ change D of its length they count the energy (F_before + F_now) D / 2. That is e
 is a straight line. Where it bends within a step (at eps_p, where a bar fails, where it is stretched
 beyond its peak strain again, where a damaged one closes), energy would appear or vanish, and on
 average always in the same direction. What is missing is given back at once, by a force in this step
-that does just this work (``add_force``): the energy decides over the force, as in a discrete
+that does just this work (``force``): the energy decides over the force, as in a discrete
 gradient (Gonzalez 1996).
 
 Where faces of a crack meet or part, such a force would give energy to debris. What is left out
@@ -30,19 +30,19 @@ class LawBends:
     # -- bars in sound material and at tips --------------------------------------------------------
 
     @ti.func
-    def may_bend(self, bar: ti.template(), before, at: ti.template(), lane):
-        """1 where the law of a bar may have bent in the last step, given its peak before it.
+    def may_bend(self, bar, before, at: ti.template(), lane):
+        """Whether the law of a bar may have bent in the last step, given its peak before it.
 
         Failed bars that close and open again are left out (``note_meeting``): as debris under a
         striker, which is held and pushed by much else at the same time, they would gain energy.
         """
-        bends = self.state.peak[bar][at.k, at.j, at.m][lane] > 1
+        bends = self.state.peak[bar, at.k, at.j, at.m][lane] > 1
         bends &= not self.bars.has_failed(bar, before) and self.bars.stiffness(bar, at, lane) > 0
-        return ti.cast(bends, ti.i32)
+        return bends
 
     @ti.func
-    def add_force(self, bar, strain, change, before, at: ti.template(), step: ti.template(), lane):
-        """Add the force that makes up for a bend of the law in the last step to a stored one.
+    def force(self, bar, strain, change, before, at: ti.template(), step: ti.template(), lane):
+        """Force over current length that makes up for a bend of the law in the last step.
 
         Let D be the last change of the bar's length and M the energy that (F_before + F_now) D / 2
         leaves out. An additional force C in this step does the work C (D + D') / 2, where D' is the
@@ -55,45 +55,30 @@ class LawBends:
         In the code, forces are over EA, and lengths over L0.
 
         Args:
-            bar: its number, not known when the kernel is compiled.
             change: what its strain has changed by in the last step.
             before: peak strain over eps_p one step before.
         """
-        family, after, own, stiffness = 0, 0.0, 0.0, 0.0
-        for one in ti.static(range(self.state.cell.bars)):
-            if one == bar:
-                family = self.state.cell.family[one]
-                after = self.state.peak[one][at.k, at.j, at.m][lane]
-                own = self.bars.peak_strain(one, at, lane, step.peak_strain)
-                stiffness = self.bars.stiffness(one, at, lane)
+        after = self.state.peak[bar, at.k, at.j, at.m][lane]
+        own = self.bars.peak_strain(bar, at, lane, step.peak_strain)
+        stiffness = self.bars.stiffness(bar, at, lane)
         way = ti.cast(change, ti.f64)
-        missing, loss = self.left_out(family, strain, way, before, after, own)
+        missing, loss = self.left_out(bar, strain, way, before, after, own)
         soft = ti.cast(stiffness * self.mobility(bar, at, lane), ti.f64)
         soft *= step.kick * step.drift
         force = stiffness * ti.cast(self.root(way + 0.5 * soft * loss, soft, missing), float)
-        force /= ti.max(1 + strain, ti.static(TINY**0.5))
-        for one in ti.static(range(self.state.cell.bars)):
-            if one == bar:
-                stored = self.state.axial[one][at.row, at.k, at.m][lane]
-                self.state.axial[one][at.row, at.k, at.m][lane] = stored + force
+        return force / ti.max(1 + strain, ti.static(TINY**0.5))
 
     @ti.func
-    def left_out(self, family, strain, change, before, after, own):
+    def left_out(self, bar, strain, change, before, after, own):
         """M of a bar over EA L0, and the loss of pull over EA; 0 where its law has not bent."""
         missing, loss = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
         old = strain - change
-        for one in ti.static(range(self.state.cell.families)):
-            if one == family:
-                bar = ti.static(self.state.cell.family.index(one))
-                was, share = (
-                    self.bars.integrity(bar, old, before),
-                    self.bars.integrity(bar, strain, after),
-                )
-                if was != share:
-                    missing = self.bars.energy(bar, strain, after, own)
-                    missing -= self.bars.energy(bar, old, before, own)
-                    missing -= 0.5 * (was * old + share * strain) * change
-                    loss = ti.cast((was - share) * strain, ti.f64)
+        was, share = self.bars.integrity(bar, old, before), self.bars.integrity(bar, strain, after)
+        if was != share:
+            missing = self.bars.energy(bar, strain, after, own)
+            missing -= self.bars.energy(bar, old, before, own)
+            missing -= 0.5 * (was * old + share * strain) * change
+            loss = ti.cast((was - share) * strain, ti.f64)
         return missing, loss
 
     @ti.func
@@ -120,10 +105,9 @@ class LawBends:
     # -- faces of a crack --------------------------------------------------------------------------
 
     @ti.func
-    def is_crack(self, bar: ti.template(), before, at: ti.template(), lane):
-        """1 where a bar had failed before the last step, given its peak before it."""
-        failed = self.bars.has_failed(bar, before) and self.bars.stiffness(bar, at, lane) > 0
-        return ti.cast(failed, ti.i32)
+    def is_crack(self, bar, before, at: ti.template(), lane):
+        """Whether a bar had failed before the last step, given its peak before it."""
+        return self.bars.has_failed(bar, before) and self.bars.stiffness(bar, at, lane) > 0
 
     @ti.func
     def note_meeting(self, bar, strain, change, at: ti.template(), step: ti.template(), lane):
@@ -133,17 +117,14 @@ class LawBends:
         energy. So it is a loss in contact, as that of a node that lands on a rigid body.
 
         Args:
-            bar, change: as in ``add_force``.
+            change: as in ``force``.
         """
         old = strain - change
         # columns at either end of a row belong to another lane, which adds them up
         own = HALO <= at.m < ti.static(HALO + self.state.lanes.length)
         if own and (old < 0) != (strain < 0):
-            twice = 0.0
-            for one in ti.static(range(self.state.cell.bars)):
-                if one == bar:
-                    length = self.bars.length_at_rest(one, at, step, lane)
-                    twice = self.bars.stiffness(one, at, lane) * length * length
+            length = self.bars.length_at_rest(bar, at, step, lane)
+            twice = self.bars.stiffness(bar, at, lane) * length * length
             now, was = ti.min(strain, 0.0), ti.min(old, 0.0)
             lost = 0.5 * twice * ((now + was) * change - (now * now - was * was))
             k, j, m = at.k, at.j, at.m

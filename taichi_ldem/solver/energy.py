@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 import taichi as ti
 
-from taichi_ldem.solver.bars import ALL
 from taichi_ldem.solver.dynamics import Dynamics
 from taichi_ldem.solver.lanes import HALO
 from taichi_ldem.solver.state import field_apart
@@ -117,7 +116,7 @@ class EnergySums:
         self.group_sums = field_apart(ti.f64, -(-rows // self.group), self.count)
 
     @ti.func
-    def bar_energy(self, bar: ti.template(), strain, at: ti.template(), lane, step: ti.template()):
+    def bar_energy(self, bar, strain, at: ti.template(), lane, step: ti.template()):
         """Strain energy and dissipated energy of a bar at a strain, J, and 1 if it is broken.
 
         Args:
@@ -127,14 +126,14 @@ class EnergySums:
         if ti.static(self.state.features.notch):
             if self.bars.is_removed(bar, at, lane):
                 whole = 0.0
-        length = step.spacing * ti.static(self.state.cell.length_squared[bar] ** 0.5)
+        length = step.spacing * self.state.lengths[bar][0]
         twice = ti.cast(whole, ti.f64) * length * length
         if ti.static(self.state.features.perturbed):
             # EA L0 is EA / L0 times the square of the bar's own length
             twice /= ti.cast(self.bars.square_of_length_ratio(bar, at, lane), ti.f64)
         result = ti.Vector([0.5 * twice * strain * strain, 0.0, 0.0], ti.f64)
         if ti.static(self.state.features.damage):
-            peak = self.state.peak[bar][at.k, at.j, at.m][lane]
+            peak = self.state.peak[bar, at.k, at.j, at.m][lane]
             if peak > 1 or peak < 0:
                 result[0] *= self.bars.integrity(bar, strain, peak)
                 own = self.bars.peak_strain(bar, at, lane, step.peak_strain)
@@ -172,11 +171,14 @@ class EnergySums:
                 begin = HALO + piece * piece_length
                 for m in range(begin, self.driver.piece_end(piece)):
                     at = ti.Struct(k=k, j=j, m=m)
+                    strains = ti.Matrix.zero(float, self.state.cell.bars, self.state.lanes.width)
                     for bar in ti.static(range(self.state.cell.bars)):
-                        q = self.bars.twice_green_strain(bar, at, step, ALL)
+                        q = self.bars.twice_green_strain_of_lanes(bar, at, step)
                         strain = self.bars.strain(q)
-                        for lane in range(self.state.lanes.width):
-                            total += self.bar_energy(bar, strain[lane], at, lane, step)
+                        for lane in ti.static(range(self.state.lanes.width)):
+                            strains[bar, lane] = strain[lane]
+                    for bar, lane in ti.ndrange(self.state.cell.bars, self.state.lanes.width):
+                        total += self.bar_energy(bar, strains[bar, lane], at, lane, step)
                     if ti.static(self.state.features.volumetric):
                         stored, lost = self.volumes.column_energy(at, step)
                         total[0] += stored

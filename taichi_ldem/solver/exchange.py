@@ -103,9 +103,9 @@ class Exchange:
         k, j, m = at.k, at.j, at.m
         recorded = int(self.state.recorded[k, j, m][lane])
         whole = self.state.stiffness[int(self.state.code[k, j, m][lane])]
-        for bar in ti.static(range(self.state.cell.bars)):
-            broken = whole[ti.static(self.state.cell.stiffness_kind[bar])] > 0
-            broken &= self.bars.has_failed(bar, self.state.peak[bar][k, j, m][lane])
+        for bar in range(self.state.cell.bars):
+            broken = whole[self.state.kinds[bar][1]] > 0
+            broken &= self.bars.has_failed(bar, self.state.peak[bar, k, j, m][lane])
             if broken and (recorded >> bar) & 1 == 0:
                 place = ti.atomic_add(count[0], 1)
                 if place < found.shape[0]:

@@ -172,7 +172,12 @@ class Row:
     @property
     def of_sites(self) -> bool:
         """Whether it has a value for every column of the lattice."""
-        return self.shape in (_columns, _sites, _buffers)
+        return self.shape in (_columns, _bar_columns, _sites, _buffers)
+
+    @property
+    def of_bars(self) -> bool:
+        """Whether it has a value for every bar of every column."""
+        return self.shape is _bar_columns
 
     def bytes(self, layout: Layout) -> int:
         """Bytes of all its fields."""
@@ -200,6 +205,10 @@ def _sites(layout: Layout) -> tuple[int, ...]:
 
 def _buffers(layout: Layout) -> tuple[int, ...]:
     return 2, *layout.shape
+
+
+def _bar_columns(layout: Layout) -> tuple[int, ...]:
+    return layout.cell.bars, *layout.shape
 
 
 def _bar_rows(layout: Layout) -> tuple[int, ...]:
@@ -282,7 +291,7 @@ FIELDS = (
         numbers=NODES),
     Row("touched", "a bit for each lane where a bar has passed its eps_p or was removed: only there"
         " is a bar more than elastic", "", _columns, kind="u8", numbers=0, present=_history),
-    Row("peak", "largest strain of a bar so far over its eps_p", "", _columns, "bar",
+    Row("peak", "largest strain of a bar so far over its eps_p", "", _bar_columns,
         present=_damage, evolves=True),
     Row("face_loss", "energy that failed bars of a site have lost as crack faces met and parted",
         "J", _columns, present=_named("meeting"), evolves=True),
@@ -299,25 +308,28 @@ FIELDS = (
     Row("toughness", "G_f A^f over EA L0 by bar family", "", _families, numbers=0,
         present=_named("crack")),
     Row("resistance", "strain at which a bar would pull as much as the opening of a crack meets"
-        " resistance, at the last step", "", _columns, "bar", present=_named("viscous"),
+        " resistance, at the last step", "", _bar_columns, present=_named("viscous"),
         evolves=True),
     Row("viscosity", "rho c_P A^f L0 over EA by bar family", "s", _families, numbers=0,
         present=_named("viscous")),
     Row("softening", "parameters of the law by bar family", "", _families, numbers=2,
         present=_damage),
     Row("ends", "sublattice and offset (dz, dy, dx) of the site of both ends of a bar", "",
-        _bar_ends, kind="i32", numbers=4, present=_damage),
+        _bar_ends, kind="i32", numbers=4),
+    Row("kinds", "family of a bar, and kind of its stiffness", "", _bars, kind="i32", numbers=2),
     Row("vector", "vector between the ends of a bar in the regular lattice, in module edges", "",
-        _bars, numbers=3, present=_damage),
+        _bars, numbers=3),
+    Row("lengths", "length of a bar in the regular lattice in module edges, its square, and 1 over"
+        " that", "", _bars, numbers=3),
     Row("removed", "a bit for each bar that a notch removes", "", _columns, kind="u16",
         present=_named("notch")),
     Row("damped", "energy that a node has lost by damping", "J", _columns, "node",
         present=_named("damping"), evolves=True),
-    Row("strength", "eps_p of a bar over its family's", "", _columns, "bar",
+    Row("strength", "eps_p of a bar over its family's", "", _bar_columns,
         present=_named("strength")),
     Row("weakest", "least strength in a column: a cheap test that spares most lanes a look at every"
         " bar's", "", _columns, numbers=0, present=_named("strength")),
-    Row("modulus", "Young's modulus of a bar over the mean", "", _columns, "bar",
+    Row("modulus", "Young's modulus of a bar over the mean", "", _bar_columns,
         present=_named("modulus")),
     Row("own_mass", "mass of a node", "kg", _columns, "node", present=_named("density")),
     Row("own_inverse_mass", "1/mass of a node", "1/kg", _columns, "node",

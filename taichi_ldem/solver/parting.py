@@ -34,41 +34,32 @@ class PartingFaces:
 
     @ti.func
     def resist(self, bar, strain, change, at: ti.template(), step: ti.template(), lane):
-        """Add the pull of a bar that failed at a tip to its stored force, and book its work.
+        """Pull of a bar that failed at a tip over its current length; its work is booked.
 
         Args:
-            bar: its number, not known when the kernel is compiled.
             strain: its engineering strain.
             change: what its strain has changed by in the last step.
         """
-        before, peak, own, limit, time, stiffness = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for one in ti.static(range(self.state.cell.bars)):
-            if one == bar:
-                before = self.state.resistance[one][at.k, at.j, at.m][lane]
-                peak = self.state.peak[one][at.k, at.j, at.m][lane]
-                own = self.bars.peak_strain(one, at, lane, step.peak_strain)
-                limit = self.square_at_tip(one, at, lane, step)
-                time = self.state.viscosity[ti.static(self.state.cell.family[one])]
-                stiffness = self.bars.stiffness(one, at, lane)
-        now = 0.0
+        k, j, m = at.k, at.j, at.m
+        own = self.bars.peak_strain(bar, at, lane, step.peak_strain)
+        before, now = self.state.resistance[bar, k, j, m][lane], 0.0
         # longer than at rest, but not than at the opening that counts at a tip
+        limit = self.square_at_tip(bar, at, lane, step)
         if strain > 0 and strain * strain < limit and step.drift > 0:
-            now = time * change / step.drift
+            now = self.state.viscosity[self.bars.family(bar)] * change / step.drift
         work = 0.5 * (before + now) * change / (own * own)
-        pull = stiffness * now / (1 + strain)
-        for one in ti.static(range(self.state.cell.bars)):
-            if one == bar:
-                self.state.resistance[one][at.k, at.j, at.m][lane] = now
-                self.state.peak[one][at.k, at.j, at.m][lane] = ti.min(peak - work, FAILED)
-                stored = self.state.axial[one][at.row, at.k, at.m][lane]
-                self.state.axial[one][at.row, at.k, at.m][lane] = stored + pull
+        self.state.resistance[bar, k, j, m][lane] = now
+        self.state.peak[bar, k, j, m][lane] = ti.min(
+            self.state.peak[bar, k, j, m][lane] - work, FAILED
+        )
+        return self.bars.stiffness(bar, at, lane) * now / (1 + strain)
 
     @ti.func
-    def square_at_tip(self, bar: ti.template(), at: ti.template(), lane, step: ti.template()):
+    def square_at_tip(self, bar, at: ti.template(), lane, step: ti.template()):
         """Square of a bar's strain at the opening that counts at a tip.
 
         With w = c e L0 and F = EA e, the condition F w / 2 = G_f A^f of ``tips`` holds at the
         strain e, and w is the elongation at the strain c e = sqrt(2 c G_f A^f / (EA L0)).
         """
-        twice = ti.static(2 * self.tips.openings[self.state.cell.family[bar]])
+        twice = 2 * self.tips.opening_that_counts(self.bars.family(bar))
         return twice * self.tips.cost(bar, at, lane, step)

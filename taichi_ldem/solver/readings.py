@@ -25,7 +25,7 @@ class BarReadings:
         self.state, self.bars, self.access = dynamics, dynamics.bars, dynamics.access
 
     @ti.func
-    def read(self, bar: ti.template(), at: ti.template(), lane, step: ti.template()):
+    def read(self, bar, at: ti.template(), lane, step: ti.template()):
         """Axial force over current length; stiffness when whole, and what is left of it in tension.
 
         All are in N/m.
@@ -35,7 +35,7 @@ class BarReadings:
         square = ti.max(1 + q, TINY)
         pull, left = (whole * q) / (square + ti.sqrt(square)), whole
         if ti.static(self.state.features.damage):
-            peak = self.state.peak[bar][at.k, at.j, at.m][lane]
+            peak = self.state.peak[bar, at.k, at.j, at.m][lane]
             pull *= self.bars.integrity(bar, self.bars.strain(q), peak)
             left *= self.bars.integrity(bar, 1.0, peak)
         if ti.static(self.state.features.notch):
@@ -51,7 +51,7 @@ class BarReadings:
         for j, i in ti.ndrange((1, values.shape[2] - 1), (1, values.shape[3] - 1)):
             m, lane = self.access.column_of(first_i + i)
             at, step = ti.Struct(k=k, j=first_j + j, m=m), ti.Struct(now=now, spacing=spacing)
-            for bar in ti.static(range(self.state.cell.bars)):
+            for bar in range(self.state.cell.bars):
                 found = self.read(bar, at, lane, step)
                 for n in ti.static(range(3)):
                     values[n, bar, j, i] = found[n]

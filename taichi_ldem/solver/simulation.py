@@ -348,16 +348,16 @@ class Simulation:
         dynamics = self.dynamics
         if not dynamics.features.damage:
             return 0.0, 0
-        kept = [field.to_numpy() for field in dynamics.peak]
+        kept = dynamics.peak.to_numpy()
         losses = dynamics.fields().get("volume_loss", [])
         of_volumes = [field.to_numpy() for field in losses]
         for field in losses:
             field.fill(0)
-        for field, peak, mine in zip(dynamics.peak, kept, chosen, strict=True):
-            field.from_numpy(np.where(dynamics.lanes.spread(mine), peak, 0).astype(peak.dtype))
+        mine = dynamics.lanes.spread(chosen)
+        dynamics.peak.from_numpy(np.where(mine, kept, 0).astype(kept.dtype))
         self.energies.potential(self.now)
         total = self.energies.total()
-        for field, values in zip([*dynamics.peak, *losses], [*kept, *of_volumes], strict=True):
+        for field, values in zip([dynamics.peak, *losses], [kept, *of_volumes], strict=True):
             field.from_numpy(values)
         return float(total[FRACTURE]), int(total[BROKEN])
 

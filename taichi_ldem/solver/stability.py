@@ -192,8 +192,7 @@ def largest_strains(
         carries &= (removed[..., None] >> np.arange(cell.bars) & 1) == 0
     if features.damage:
         failure = dynamics.softening.to_numpy()[:, 0]
-        for bar, field in enumerate(dynamics.peak):
-            peak = dynamics.lanes.gather(field.to_numpy())
+        for bar, peak in enumerate(dynamics.lanes.gather(dynamics.peak.to_numpy())):
             carries[..., bar] &= (peak >= 0) & (peak < failure[cell.family[bar]])
     extremes = [0.0]
     for bar, ends in enumerate(cell.ends):

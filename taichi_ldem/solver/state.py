@@ -1,8 +1,9 @@
 """The fields of a lattice in Taichi: allocation, filling with a material, saving and restoring.
 
 Every field of sites has the shape S = (nz + 3, ny + 3, columns) and elements of one number a lane
-(``lanes``). A name that has a field for each sublattice, axis or bar is a list of fields. The
-table in ``fields`` lists all of them.
+(``lanes``). Where bars have a value each, their number comes first: (bars, *S). A name that has a
+field for each sublattice or axis is a list of fields, as are the axial forces, whose addresses in a
+list are constants of the step. The table in ``fields`` lists all of them.
 """
 
 import contextlib
@@ -24,6 +25,9 @@ from taichi_ldem.solver.laws import law_named
 
 EVOLVING = tuple(row.name for row in FIELDS if row.evolves and row.name != "displacement")
 """Fields that a checkpoint holds completely; of the displacement it holds one buffer."""
+
+OF_BARS = tuple(row.name for row in FIELDS if row.evolves and row.of_bars)
+"""Those of them that have a value for each bar."""
 
 OF_TIPS = ("opening", "failed", "known", "near", "growth")
 """Fields of crack tips, which each step works out again from the peak strains."""
@@ -120,23 +124,25 @@ class State:
     mass: ti.MatrixField
     inverse_mass: ti.MatrixField
     touched: ti.ScalarField
-    peak: list[ti.MatrixField]
+    peak: ti.MatrixField
     recorded: ti.MatrixField
     opening: list[ti.ScalarField]
     failed: list[ti.ScalarField]
     known: ti.MatrixField
     near: ti.ScalarField
     toughness: ti.ScalarField
-    resistance: list[ti.MatrixField]
+    resistance: ti.MatrixField
     viscosity: ti.ScalarField
     softening: ti.MatrixField
     ends: ti.MatrixField
+    kinds: ti.MatrixField
     vector: ti.MatrixField
+    lengths: ti.MatrixField
     removed: ti.MatrixField
     damped: list[ti.MatrixField]
-    strength: list[ti.MatrixField]
+    strength: ti.MatrixField
     weakest: ti.ScalarField
-    modulus: list[ti.MatrixField]
+    modulus: ti.MatrixField
     own_mass: list[ti.MatrixField]
     own_inverse_mass: list[ti.MatrixField]
     offset: list[list[ti.MatrixField]]
@@ -167,14 +173,22 @@ class State:
         self.peak_strain, self.volumetric, self.poisson_ratio = np.inf, 0.0, QUARTER
         for row in rows(features, self.layout):
             setattr(self, row.name, _allocate(row, self.layout))
-        if features.damage:
-            ends = [[(s, *offset) for s, offset in both] for both in self.cell.ends]
-            self.ends.from_numpy(np.array(ends, dtype=np.int32))
-            self.vector.from_numpy(np.array(self.cell.vectors, dtype=numpy_float()))
+        self._fill_tables()
         self.set_lattice(lattice)
 
+    def _fill_tables(self) -> None:
+        """Fill the tables by number of a bar, for functions that learn it in the run only."""
+        cell = self.cell
+        ends = [[(s, *offset) for s, offset in both] for both in cell.ends]
+        self.ends.from_numpy(np.array(ends, dtype=np.int32))
+        kinds = np.array([cell.family, cell.stiffness_kind], dtype=np.int32)
+        self.kinds.from_numpy(np.ascontiguousarray(kinds.T))
+        self.vector.from_numpy(np.array(cell.vectors, dtype=numpy_float()))
+        lengths = [(square**0.5, square, 1 / square) for square in cell.length_squared]
+        self.lengths.from_numpy(np.array(lengths, dtype=numpy_float()))
+
     def fields(self) -> dict[str, list[ti.Field]]:
-        """All fields by name; several where a name has one for each sublattice, axis or bar."""
+        """All fields by name; several where a name has a list of them."""
         return {
             row.name: list(np.array(getattr(self, row.name), dtype=object).ravel())
             for row in rows(self.features, self.layout)
@@ -197,10 +211,9 @@ class State:
         """Fill a field of sites from values in the shape of the sites."""
         field.from_numpy(self.lanes.spread(values).astype(numpy_float()))
 
-    def _fill_bars(self, bars: list[ti.MatrixField], values: npt.NDArray[np.float64]) -> None:
-        """Fill the fields of bars from (nz + 3, ny + 3, nx + 3, bars) values."""
-        for bar, field in enumerate(bars):
-            self._fill(field, np.ascontiguousarray(values[..., bar]))
+    def _fill_bars(self, field: ti.MatrixField, values: npt.NDArray[np.float64]) -> None:
+        """Fill a field of bars from (nz + 3, ny + 3, nx + 3, bars) values."""
+        self._fill(field, np.moveaxis(values, -1, 0))
 
     def set_lattice(self, lattice: Lattice) -> None:
         """Take another body that was cut from a prism of the same modules."""
@@ -331,8 +344,7 @@ class State:
         failed = np.zeros(self.sites, dtype=np.uint16)
         if self.features.damage:
             limits = self.softening.to_numpy()[:, 0]
-            for bar, field in enumerate(self.peak):
-                peak = self.lanes.gather(field.to_numpy())
+            for bar, peak in enumerate(self.lanes.gather(self.peak.to_numpy())):
                 gone = (peak >= limits[self.cell.family[bar]]) | (peak < 0)
                 failed |= gone.astype(np.uint16) << bar
         return failed
@@ -340,8 +352,7 @@ class State:
     def set_peak(self, peak: npt.NDArray[np.float64]) -> None:
         """Age bars to peak strains over their eps_p: (nz + 3, ny + 3, nx + 3, bars)."""
         stored = self.lanes.spread(np.moveaxis(peak, -1, 0))
-        for field, values in zip(self.peak, stored, strict=True):
-            field.from_numpy(values.astype(numpy_float()))
+        self.peak.from_numpy(stored.astype(numpy_float()))
         self._touch(stored)
 
     def _touch(self, peak: npt.NDArray) -> None:
@@ -360,7 +371,7 @@ class State:
             self.touched.from_numpy(_lane_bits(self.removed.to_numpy() != 0))
 
     def saved_state(self, now: int) -> dict[str, npt.NDArray]:
-        """Copies of the state from which the next step starts: (fields of a name, *sites).
+        """Copies of the state from which the next step starts: (fields or bars, *sites).
 
         The arrays are those of the lattice and not of its lanes, which depend on the machine.
 
@@ -368,11 +379,11 @@ class State:
             now: buffer of the displacement.
         """
         fields = self.fields()
-        saved = {
-            name: np.stack([self.lanes.gather(field.to_numpy()) for field in fields[name]])
-            for name in EVOLVING
-            if name in fields
-        }
+        saved = {}
+        for name in EVOLVING:
+            if name in fields:
+                parts = [self.lanes.gather(field.to_numpy()) for field in fields[name]]
+                saved[name] = parts[0] if name in OF_BARS else np.stack(parts)
         displacement = [
             self.lanes.gather(field.to_numpy()[now]) for field in fields["displacement"]
         ]
@@ -383,7 +394,8 @@ class State:
         both = {"displacement": np.stack([saved["displacement"]] * 2, axis=1)}
         fields = self.fields()
         for name, values in {**saved, **both}.items():
-            for field, part in zip(fields[name], values, strict=True):
+            parts = [values] if name in OF_BARS else values
+            for field, part in zip(fields[name], parts, strict=True):
                 field.from_numpy(self.lanes.spread(part))
         for name in OF_TIPS:
             for field in fields.get(name, []):

@@ -62,10 +62,10 @@ class CrackTips:
         if ti.static(self.state.features.notch):
             bits = int(self.state.removed[k, j, m][lane])
         stiffness = self.state.stiffness[int(self.state.code[k, j, m][lane])]
-        for bar in ti.static(range(self.state.cell.bars)):
-            if self.bars.has_failed(bar, self.state.peak[bar][k, j, m][lane]):
+        for bar in range(self.state.cell.bars):
+            if self.bars.has_failed(bar, self.state.peak[bar, k, j, m][lane]):
                 bits |= 1 << bar
-            if stiffness[ti.static(self.state.cell.stiffness_kind[bar])] == 0:
+            if stiffness[self.state.kinds[bar][1]] == 0:
                 bits &= ~(1 << bar)
         self.state.known[k, j, m][lane] = ti.cast(bits, ti.u16)
         new = bits & ~before
@@ -117,111 +117,115 @@ class CrackTips:
                 ti.atomic_add(self.state.failed[s][k, j, i], 1)
 
     @ti.func
-    def strain(self, bar: ti.template(), at: ti.template(), step: ti.template(), lane):
+    def strain(self, bar, at: ti.template(), step: ti.template(), lane):
         """Engineering strain of a bar."""
         return self.bars.strain(self.bars.twice_green_strain(bar, at, step, lane))
 
     # -- bars at tips ------------------------------------------------------------------------------
 
     @ti.func
-    def opening_at(self, bar: ti.template(), at: ti.template(), lane):
+    def opening_at(self, bar, at: ti.template(), lane):
         """The larger opening at a bar's two nodes, m.
 
         A node is at a tip as long as it has lost no more bars than a flat crack takes from it (five
         or four of the module's along (100), (110)); beyond that it is on a flank.
         """
-        at_tip = ti.static(self.most_failed)
-        i = self.access.site_of(at.m, lane)
-        most = 0.0
-        for end in ti.static(range(2)):
-            s, o = ti.static(self.state.cell.ends[bar][end])
-            if self.state.failed[s][at.k + o[0], at.j + o[1], i + o[2]] <= at_tip:
-                most = ti.max(most, self.state.opening[s][at.k + o[0], at.j + o[1], i + o[2]])
-        return most
+        near, far, _ = self.bars.ends(bar)
+        return ti.max(self.opening_of(near, at, lane), self.opening_of(far, at, lane))
 
     @ti.func
-    def cost(self, bar: ti.template(), at: ti.template(), lane, step: ti.template()):
+    def opening_of(self, end, at: ti.template(), lane):
+        """Opening at an end of a bar, m; 0 where it is on a flank."""
+        k, j, i = at.k + end[1], at.j + end[2], self.access.site_of(at.m, lane) + end[3]
+        opening = 0.0
+        for s in ti.static(range(self.state.cell.sublattices)):
+            if s == end[0]:
+                if self.state.failed[s][k, j, i] <= ti.static(self.most_failed):
+                    opening = self.state.opening[s][k, j, i]
+        return opening
+
+    @ti.func
+    def cost(self, bar, at: ti.template(), lane, step: ti.template()):
         """G_f A^f of a bar over its EA L0; it follows eps_p^2 where bars differ (Eq. (9))."""
-        cost = self.state.toughness[ti.static(self.state.cell.family[bar])]
+        cost = self.state.toughness[self.bars.family(bar)]
         if ti.static(self.state.features.strength and not self.state.features.flaws):
-            cost *= self.state.strength[bar][at.k, at.j, at.m][lane] ** 2
+            cost *= self.state.strength[bar, at.k, at.j, at.m][lane] ** 2
         return cost
 
     @ti.func
-    def strain_of_volumes(self, bar: ti.template(), at: ti.template(), lane, step: ti.template()):
+    def strain_of_volumes(self, bar, at: ti.template(), lane, step: ti.template()):
         """Strain at which the bars alone would pull as the volumes of modules around a bar do.
 
         A uniform expansion e of the bars gives the mean stress 5 mu e, and the volumes give
         (lambda - mu) (J - 1): e = (J - 1) (4 nu - 1) / (5 - 10 nu).
         """
         i, total, count = self.access.site_of(at.m, lane), 0.0, 0.0
-        for dz, dy, dx in ti.static(self.state.cell.modules_of[bar]):
-            if i + dx > 0:
-                m, there = self.access.column_of(i + dx)
-                if int(self.state.code[at.k + dz, at.j + dy, m][there]) >> 7:
-                    total += self.state.growth[at.k + dz, at.j + dy, m][there]
-                    count += 1
+        for one in ti.static(range(self.state.cell.bars)):
+            if one == bar:
+                for dz, dy, dx in ti.static(self.state.cell.modules_of[one]):
+                    if i + dx > 0:
+                        m, there = self.access.column_of(i + dx)
+                        if int(self.state.code[at.k + dz, at.j + dy, m][there]) >> 7:
+                            total += self.state.growth[at.k + dz, at.j + dy, m][there]
+                            count += 1
         nu = step.poisson_ratio
         return total / ti.max(count, 1.0) * (4 * nu - 1) / (5 - 10 * nu)
+
+    @ti.func
+    def fail_if_at_tip(self, bar, at: ti.template(), step: ti.template(), lane):
+        """Let a bar fail if it is pulled at the tip of a crack, and this releases what it costs."""
+        opening = self.opening_at(bar, at, lane)
+        if opening > 0:
+            strain = self.strain(bar, at, step, lane)
+            if strain > 0:
+                self.fail_at_tip(bar, strain, opening, at, step, lane)
 
     @ti.func
     def fail_at_tip(self, bar, strain, opening, at: ti.template(), step: ti.template(), lane):
         """Let a bar fail if this releases what it costs.
 
         Args:
-            bar: its number, not known when the kernel is compiled.
             strain: its engineering strain, more than 0.
             opening: the larger one at its two nodes, m.
         """
-        family, own, peak, cost, length, pull = 0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for one in ti.static(range(self.state.cell.bars)):
-            if one == bar:
-                family = self.state.cell.family[one]
-                own = self.bars.peak_strain(one, at, lane, step.peak_strain)
-                peak = self.state.peak[one][at.k, at.j, at.m][lane]
-                cost = self.cost(one, at, lane, step)
-                length = self.bars.length_at_rest(one, at, step, lane)
-                if ti.static(self.state.features.volumetric):
-                    pull = self.strain_of_volumes(one, at, lane, step)
-        peak = ti.max(peak, strain / own)
-        force, dissipated = self.pull_and_loss(family, strain, peak)
-        whole = strain
+        family = self.bars.family(bar)
+        own = self.bars.peak_strain(bar, at, lane, step.peak_strain)
+        peak = ti.max(self.state.peak[bar, at.k, at.j, at.m][lane], strain / own)
+        force, whole = self.bars.integrity(bar, strain, peak) * strain, strain
         if ti.static(self.state.features.volumetric):
+            pull = self.strain_of_volumes(bar, at, lane, step)
             force += pull
             # as a bar with the material's E, not that of the bars, is strained
             whole = (whole + pull) * (1 + QUARTER) / (1 + step.poisson_ratio)
-        ratio = opening / (length * whole)
+        ratio = opening / (self.bars.length_at_rest(bar, at, step, lane) * whole)
         parts = whole * self.counted(ratio, family)
-        enough = force * parts >= 2 * cost
+        enough = force * parts >= 2 * self.cost(bar, at, lane, step)
         if ti.static(self.state.features.volumetric):
             enough &= whole > 0
         if enough and ratio <= PASSED:
             # in the step that ends here the force has fallen to zero already
             lost = strain - self.bars.last_stretching(bar, strain, at, step, lane)
+            dissipated = self.bars.dissipated(bar, peak)
             self.set_failed(bar, at, lane, dissipated + 0.5 * force * lost / (own * own))
+
+    @ti.func
+    def opening_that_counts(self, family):
+        """c: the opening at a tip over a bar's elongation, as far as it counts."""
+        c = 0.0
+        for one in ti.static(range(self.state.cell.families)):
+            if one == family:
+                c += ti.static(self.openings[one])  # an assignment would bind a name
+        return c
 
     @ti.func
     def counted(self, ratio, family):
         """Opening w that counts at a bar, given that at its nodes; both over its elongation."""
-        w = 0.0
-        for one in ti.static(range(self.state.cell.families)):
-            if one == family:
-                if ti.static(not self.by_strain):
-                    w = ti.min(ratio, ti.static(self.openings[one]))
-                elif ratio >= 1:
-                    w += ti.static(self.openings[one])
+        w = self.opening_that_counts(family)
+        if ti.static(not self.by_strain):
+            w = ti.min(ratio, w)
+        elif ratio < 1:
+            w = 0.0
         return w
-
-    @ti.func
-    def pull_and_loss(self, family, strain, peak):
-        """Force of a bar over EA, and the energy that it has dissipated, over EA eps_p^2 L0."""
-        force, dissipated = 0.0, 0.0
-        for one in ti.static(range(self.state.cell.families)):
-            if one == family:
-                bar = ti.static(self.state.cell.family.index(one))
-                force = self.bars.integrity(bar, strain, peak) * strain
-                dissipated = self.bars.dissipated(bar, peak)
-        return force, dissipated
 
     @ti.func
     def set_failed(self, bar, at: ti.template(), lane, released):
@@ -237,9 +241,7 @@ class CrackTips:
             exists = side == 0 or (side < 0 and at.m < 2 * HALO and lane > 0)
             exists = exists or (side > 0 and at.m >= length and lane < width - 1)
             if exists:
-                for one in ti.static(range(self.state.cell.bars)):
-                    if one == bar:
-                        self.state.peak[one][k, j, m][own] = -released
+                self.state.peak[bar, k, j, m][own] = -released
                 bits = int(self.state.touched[k, j, m]) | 1 << own
                 self.state.touched[k, j, m] = ti.cast(bits, ti.u8)
 
@@ -262,16 +264,13 @@ class CrackTips:
         """Give the nodes of a column's failed bars their openings."""
         if self.state.touched[at.k, at.j, at.m] != 0:
             for lane in range(self.state.lanes.width):
-                elongations = ti.Vector.zero(float, self.state.cell.bars)
-                for bar in ti.static(range(self.state.cell.bars)):
-                    if self.is_known(bar, at, lane):
-                        strain = self.strain(bar, at, step, lane)
-                        elongations[bar] = self.bars.length_at_rest(bar, at, step, lane) * strain
                 for bar in range(self.state.cell.bars):
                     if self.is_known(bar, at, lane):
+                        strain = self.strain(bar, at, step, lane)
+                        elongation = self.bars.length_at_rest(bar, at, step, lane) * strain
                         near, far, _ = self.bars.ends(bar)
-                        self.raise_opening(near, at, lane, elongations[bar])
-                        self.raise_opening(far, at, lane, elongations[bar])
+                        self.raise_opening(near, at, lane, elongation)
+                        self.raise_opening(far, at, lane, elongation)
 
     @ti.func
     def fail(self, at: ti.template(), step: ti.template()):
@@ -279,15 +278,7 @@ class CrackTips:
         if self.state.near[at.k, at.j, at.m] != 0:
             for lane in range(self.state.lanes.width):
                 if int(self.state.code[at.k, at.j, at.m][lane]) != 0:
-                    at_tip, strains = 0, ti.Vector.zero(float, self.state.cell.bars)
-                    openings = ti.Vector.zero(float, self.state.cell.bars)
-                    for bar in ti.static(range(self.state.cell.bars)):
-                        openings[bar] = self.opening_at(bar, at, lane)
-                        if openings[bar] > 0 and not self.is_known(bar, at, lane):
-                            strains[bar] = self.strain(bar, at, step, lane)
-                            if strains[bar] > 0:
-                                at_tip |= 1 << bar
-                    # not unrolled, as it is long and seldom needed
+                    known = int(self.state.known[at.k, at.j, at.m][lane])
                     for bar in range(self.state.cell.bars):
-                        if (at_tip >> bar) & 1:
-                            self.fail_at_tip(bar, strains[bar], openings[bar], at, step, lane)
+                        if (known >> bar) & 1 == 0:
+                            self.fail_if_at_tip(bar, at, step, lane)

@@ -125,7 +125,7 @@ class ModuleVolumes:
         for bar, home in ti.static(self.state.cell.of_module):
             there = ti.Struct(k=at.k + home[0], j=at.j + home[1], m=at.m + home[2])
             if ti.static(self.state.features.damage):
-                peak = self.state.peak[bar][there.k, there.j, there.m][lane]
+                peak = self.state.peak[bar, there.k, there.j, there.m][lane]
                 least = ti.min(least, self.bars.integrity(bar, 1.0, peak))
             if ti.static(self.state.features.notch):
                 if self.bars.is_removed(bar, there, lane):

@@ -71,3 +71,35 @@ class Places:
         values = np.zeros((2, *self.sites, 3))
         self.fill(self.body.dynamics.lattice.spacing, values)
         return values
+
+
+@ti.data_oriented
+class BothWays:
+    """Stiffness and q of bars, by the functions for every lane and by those for one lane."""
+
+    def __init__(self, dynamics: Dynamics):
+        self.dynamics, self.bars = dynamics, dynamics.bars
+
+    @ti.kernel
+    def _read(self, spacing: float, lanes: ti.types.ndarray(), one: ti.types.ndarray()):
+        width = ti.static(self.dynamics.lanes.width)
+        for k, j in ti.ndrange(*[(1, n - 1) for n in ti.static(self.dynamics.sites[:2])]):
+            for m in range(HALO, HALO + self.dynamics.lanes.length):
+                at, step = ti.Struct(k=k, j=j, m=m), ti.Struct(now=0, spacing=spacing)
+                for bar in ti.static(range(self.dynamics.cell.bars)):
+                    whole = self.bars.stiffness_of_lanes(bar, at)
+                    q = self.bars.twice_green_strain_of_lanes(bar, at, step)
+                    for lane in ti.static(range(width)):
+                        lanes[k, j, m, lane, bar, 0] = whole[lane]
+                        lanes[k, j, m, lane, bar, 1] = q[lane]
+                for lane, bar in ti.ndrange(width, self.dynamics.cell.bars):
+                    one[k, j, m, lane, bar, 0] = self.bars.stiffness(bar, at, lane)
+                    one[k, j, m, lane, bar, 1] = self.bars.twice_green_strain(bar, at, step, lane)
+
+    def read(self) -> tuple[np.ndarray, np.ndarray]:
+        """(columns, lanes, bars, 2) stiffness in N/m and q, by every lane and by one."""
+        d = self.dynamics
+        shape = (*d.shape, d.lanes.width, d.cell.bars, 2)
+        lanes, one = np.zeros(shape), np.zeros(shape)
+        self._read(d.lattice.spacing, lanes, one)
+        return lanes, one

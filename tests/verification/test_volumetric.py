@@ -269,11 +269,10 @@ def _damage(simulation: "Simulation") -> Array:
     """(nz, ny, nx) 1 less the least share of stiffness of a module's bars, bar by bar."""
     dynamics = simulation.dynamics
     lattice, families = dynamics.lattice, mat.bars_of(simulation.scene)
+    peaks = dynamics.lanes.gather(dynamics.peak.to_numpy())
     least = np.ones(lattice.mask.shape)
     for bar, offset in lattice.cell.of_module:
-        peak = _of_modules(
-            dynamics.lanes.gather(dynamics.peak[bar].to_numpy()), offset, lattice.mask.shape
-        )
+        peak = _of_modules(peaks[bar], offset, lattice.mask.shape)
         last = families[lattice.cell.family[bar]].ductility
         falling = (last - peak) / (last - 1) / np.maximum(peak, 1)  # Fig. 2 of the paper
         share = np.where(peak > 1, np.maximum(falling, 0), 1.0)

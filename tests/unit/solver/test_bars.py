@@ -1,10 +1,10 @@
 """Forces of bars at large and tiny displacements, compared with those of the block bar by bar."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from support.blocks import PMMA, SPACING, random_displacement
+from support.blocks import PMMA, SPACING, block_scene, random_displacement
 from support.reference import Body
 
 from taichi_ldem.model import material as mat
@@ -117,3 +117,25 @@ def test_any_mask_and_stiffness_variant(taichi: None, weighted: bool) -> None:
     expected = body.forces(displacement, mat.axial_stiffness(3.35e9, 0.25, SPACING, "as-printed"))
     np.testing.assert_allclose(force[body.index], expected, rtol=0, atol=1e-13 * STIFFNESS[0])
     assert np.count_nonzero(force) == np.count_nonzero(force[body.index])
+
+
+@pytest.mark.parametrize(
+    "plate",
+    [{}, {"perturbation": 0.1}, {"lattice": "cubic-26"}],
+    ids=["regular", "perturbed", "26 neighbours"],
+)
+def test_one_lane_has_the_bits_of_every_lane(taichi: None, plate: dict[str, Any]) -> None:
+    """Code for damaged bars takes one lane; a force and its share must fit to the last bit."""
+    from support.bars import BothWays
+
+    from taichi_ldem.solver.simulation import Simulation
+
+    disorder = {"youngs_modulus_cv": 0.1, "seed": 1}
+    dynamics = Simulation(block_scene(12, 3, 2, plate=plate, disorder=disorder)).dynamics
+    lattice = dynamics.lattice
+    shape = (dynamics.cell.sublattices, *lattice.sites, 3)
+    moved = np.random.default_rng(5).normal(0.0, 0.1 * SPACING, shape)
+    dynamics.set_displacement(0, moved * lattice.exists()[..., None])
+    lanes, one = BothWays(dynamics).read()
+    np.testing.assert_array_equal(one, lanes)
+    assert np.count_nonzero(lanes[..., 0]) == lattice.bars

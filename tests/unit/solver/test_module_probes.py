@@ -72,8 +72,7 @@ def test_probes_are_means_of_the_fields_of_the_whole_lattice(readings: "PartRead
     moved = np.random.default_rng(7).normal(0.0, 0.03 * edge, (2, *lattice.sites, 3))
     moved *= lattice.exists()[..., None]
     dynamics.set_displacement(0, moved)
-    for field in dynamics.peak:
-        field.fill(2.0)
+    dynamics.peak.fill(2.0)
     points, cells, sites = hexahedral_mesh(lattice.mask, edge, lattice.origin)
     corners = tuple((sites + 1).T)
     at_rest = lattice.positions()[0][corners]
@@ -89,8 +88,7 @@ def test_probes_are_means_of_the_fields_of_the_whole_lattice(readings: "PartRead
         for quantity, one in zip(BOTH, found, strict=True):
             wanted = whole[quantity][modules].mean(axis=0)
             np.testing.assert_allclose(one, wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
-    for field in dynamics.peak:
-        field.fill(0.0)
+    dynamics.peak.fill(0.0)
 
 
 def test_a_probe_without_a_module_is_refused_in_one_line(readings: "PartReadings") -> None:

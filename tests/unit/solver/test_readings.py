@@ -17,11 +17,11 @@ def test_readings_are_the_forces_and_the_integrity_of_the_bars(breakable: Breaka
     block.put(moved)
     moved *= 0.5
     dynamics.set_displacement(0, body.spread(moved))
-    peaks = [dynamics.lanes.gather(field.to_numpy()) for field in dynamics.peak]
+    peaks = dynamics.lanes.gather(dynamics.peak.to_numpy())
     read = np.zeros((3, dynamics.cell.bars, *dynamics.sites))
     for k, values in BarReadings(dynamics).layers(0):
         read[:, :, k] = values
-    after = [dynamics.lanes.gather(field.to_numpy()) for field in dynamics.peak]
+    after = dynamics.lanes.gather(dynamics.peak.to_numpy())
     np.testing.assert_array_equal(after, peaks)
 
     def of_bars(field: np.ndarray) -> np.ndarray:

@@ -242,11 +242,11 @@ class NearbyPairs(NodesInCells):
         return lost
 
     @ti.func
-    def is_gone(self, bar: ti.template(), at: ti.template(), lane):
+    def is_gone(self, bar, at: ti.template(), lane):
         """Whether a bar has failed or was removed."""
         gone = False
         if ti.static(self.dynamics.features.damage):
-            peak = self.dynamics.peak[bar][at.k, at.j, at.m][lane]
+            peak = self.dynamics.peak[bar, at.k, at.j, at.m][lane]
             gone |= self.dynamics.bars.has_failed(bar, peak)
         if ti.static(self.dynamics.features.notch):
             gone |= self.dynamics.bars.is_removed(bar, at, lane)
@@ -404,7 +404,7 @@ class NearbyPairs(NodesInCells):
         return bits
 
     @ti.func
-    def carries_compression(self, bar: ti.template(), at: ti.template(), lane):
+    def carries_compression(self, bar, at: ti.template(), lane):
         """Whether a bar exists and pushes its ends apart; with ``closing`` a failed one does."""
         carries = self.dynamics.bars.stiffness(bar, at, lane) > 0
         if ti.static(self.dynamics.features.closing):
