@@ -21,10 +21,29 @@ class NodeAccess:
         return i - 1 - lane * self.state.lanes.length + HALO, lane
 
     @ti.func
+    def owner_of(self, m, lane):
+        """Column that owns the node at a place of a row, halos included, and its lane there.
+
+        As ``column_of``, without a division: for places in or next to a column that exists.
+        """
+        length = ti.static(self.state.lanes.length)
+        column, own = m, lane
+        if m < HALO:
+            column, own = m + length, lane - 1
+        elif m >= HALO + length:
+            column, own = m - length, lane + 1
+        return column, own
+
+    @ti.func
     def site_of(self, m, lane):
         """Site at a place of a row (ghosts beyond either end are clipped)."""
         site = 1 + lane * self.state.lanes.length + m - HALO
         return ti.max(0, ti.min(site, ti.static(self.state.sites[2] - 1)))
+
+    @ti.func
+    def site_of_end(self, end, at: ti.template(), lane):
+        """Site (k, j, i) of an end of a bar (``LatticeBars.ends``) that starts in a column."""
+        return at.k + end[1], at.j + end[2], self.site_of(at.m, lane) + end[3]
 
     @ti.func
     def value(self, field: ti.template(), k, j, i):
@@ -50,33 +69,24 @@ class NodeAccess:
     def displacement(self, now, s, k, j, i):
         """Displacement of a node, m."""
         m, lane = self.column_of(i)
-        u = ti.Vector.zero(float, 3)
-        for sublattice, axis in ti.static(self.state.cell.node_axes):
-            if s == sublattice:
-                u[axis] = self.state.displacement[sublattice][axis][now, k, j, m][lane]
-        return u
+        place = ti.Vector([now, k, j, m])
+        return self.state.node_vector(self.state.displacement, s, place, lane)
 
     @ti.func
     def offset(self, s, k, j, i, spacing):
         """Distance of a node from its place in the regular lattice, m, in f64."""
-        m, lane = self.column_of(i)
         offset = ti.Vector.zero(ti.f64, 3)
         if ti.static(self.state.features.perturbed):
-            for sublattice, axis in ti.static(self.state.cell.node_axes):
-                if s == sublattice:
-                    own = self.state.offset[sublattice][axis][k, j, m][lane]
-                    offset[axis] = ti.cast(own, ti.f64)
+            m, lane = self.column_of(i)
+            own = self.state.node_vector(self.state.offset, s, ti.Vector([k, j, m]), lane)
+            offset += ti.cast(own, ti.f64)
         return ti.cast(spacing, ti.f64) * offset
 
     @ti.func
     def velocity(self, s, k, j, i):
         """Velocity of a node, m/s."""
         m, lane = self.column_of(i)
-        v = ti.Vector.zero(float, 3)
-        for sublattice, axis in ti.static(self.state.cell.node_axes):
-            if s == sublattice:
-                v[axis] = self.state.velocity[sublattice][axis][k, j, m][lane]
-        return v
+        return self.state.node_vector(self.state.velocity, s, ti.Vector([k, j, m]), lane)
 
     @ti.func
     def put(self, now, s, k, j, i, displacement, velocity):

@@ -7,7 +7,7 @@ the buffer ``now`` and the numbers of the step (see ``solver.step``).
 
 import taichi as ti
 
-from taichi_ldem.solver.lanes import HALO
+from taichi_ldem.solver.access import NodeAccess
 from taichi_ldem.solver.state import State
 
 TINY = 1e-12
@@ -24,8 +24,8 @@ class LatticeBars:
     bits.
     """
 
-    def __init__(self, state: State):
-        self.state = state
+    def __init__(self, state: State, access: NodeAccess):
+        self.state, self.access = state, access
 
     # -- every lane of a column --------------------------------------------------------------------
 
@@ -105,7 +105,7 @@ class LatticeBars:
         if ti.static(self.state.features.modulus):
             whole *= self.state.modulus[bar, k, j, m][lane]
         if ti.static(self.state.features.perturbed):
-            whole *= ti.sqrt(self.square_of_length_ratio(bar, at, lane))
+            whole *= ti.sqrt(self.square_of_length_ratio(bar, self.vector(bar, at, lane)))
         return whole
 
     @ti.func
@@ -132,45 +132,25 @@ class LatticeBars:
     @ti.func
     def offset_of(self, end, at: ti.template(), lane):
         """Distance of a bar's end from its place in the regular lattice, in module edges."""
-        k, j, m = at.k + end[1], at.j + end[2], at.m + end[3]
-        offset = ti.Vector.zero(float, 3)
-        for s in ti.static(range(self.state.cell.sublattices)):
-            if s == end[0]:
-                for axis in ti.static(range(3)):
-                    offset[axis] = self.state.offset[s][axis][k, j, m][lane]
-        return offset
+        place = ti.Vector([at.k + end[1], at.j + end[2], at.m + end[3]])
+        return self.state.node_vector(self.state.offset, end[0], place, lane)
 
     @ti.func
     def displacement_of(self, end, at: ti.template(), step: ti.template(), lane):
         """Displacement of a bar's end, m."""
-        k, j, m = at.k + end[1], at.j + end[2], at.m + end[3]
-        u = ti.Vector.zero(float, 3)
-        for s in ti.static(range(self.state.cell.sublattices)):
-            if s == end[0]:
-                for axis in ti.static(range(3)):
-                    u[axis] = self.state.displacement[s][axis][step.now, k, j, m][lane]
-        return u
+        place = ti.Vector([step.now, at.k + end[1], at.j + end[2], at.m + end[3]])
+        return self.state.node_vector(self.state.displacement, end[0], place, lane)
 
     @ti.func
     def velocity_of(self, end, at: ti.template(), lane):
-        """Velocity of a bar's end, m/s, from the column that owns the node: halos have none."""
-        k, j, m, own = at.k + end[1], at.j + end[2], at.m + end[3], lane
-        length = ti.static(self.state.lanes.length)
-        if m < HALO:
-            m, own = m + length, lane - 1
-        elif m >= HALO + length:
-            m, own = m - length, lane + 1
-        v = ti.Vector.zero(float, 3)
-        for s in ti.static(range(self.state.cell.sublattices)):
-            if s == end[0]:
-                for axis in ti.static(range(3)):
-                    v[axis] = self.state.velocity[s][axis][k, j, m][own]
-        return v
+        """Velocity of a bar's end, m/s; columns that repeat a node do not have it."""
+        m, own = self.access.owner_of(at.m + end[3], lane)
+        place = ti.Vector([at.k + end[1], at.j + end[2], m])
+        return self.state.node_vector(self.state.velocity, end[0], place, own)
 
     @ti.func
-    def square_of_length_ratio(self, bar, at: ti.template(), lane):
-        """Square of a bar's length in the regular lattice over that in the perturbed one."""
-        x = self.vector(bar, at, lane)
+    def square_of_length_ratio(self, bar, x):
+        """Square of a bar's length in the regular lattice over that of its ``vector`` x."""
         return self.state.lengths[bar][1] / ((x[0] * x[0] + x[1] * x[1]) + x[2] * x[2])
 
     @ti.func
@@ -178,7 +158,7 @@ class LatticeBars:
         """L0 of a bar, m."""
         length = step.spacing * self.state.lengths[bar][0]
         if ti.static(self.state.features.perturbed):
-            length /= ti.sqrt(self.square_of_length_ratio(bar, at, lane))
+            length /= ti.sqrt(self.square_of_length_ratio(bar, self.vector(bar, at, lane)))
         return length
 
     @ti.func
@@ -199,11 +179,12 @@ class LatticeBars:
         """q of a bar (``twice_green_strain_of_lanes``)."""
         near, far, _ = self.ends(bar)
         d = self.displacement_of(far, at, step, lane) - self.displacement_of(near, at, step, lane)
-        part = (d + (2 * step.spacing) * self.vector(bar, at, lane)) * d
+        x = self.vector(bar, at, lane)
+        part = (d + (2 * step.spacing) * x) * d
         inverse = self.state.lengths[bar][2]
         result = ((part[0] + part[1]) + part[2]) * (inverse / (step.spacing * step.spacing))
         if ti.static(self.state.features.perturbed):
-            result *= self.square_of_length_ratio(bar, at, lane)
+            result *= self.square_of_length_ratio(bar, x)
         return result
 
     @ti.func
@@ -220,9 +201,9 @@ class LatticeBars:
         Args:
             strain: its engineering strain at the step.
         """
-        near, far, x = self.ends(bar)
+        near, far, rest = self.ends(bar)
         v = self.velocity_of(far, at, lane) - self.velocity_of(near, at, lane)
-        x *= step.spacing
+        x = step.spacing * rest
         x += self.displacement_of(far, at, step, lane) - self.displacement_of(near, at, step, lane)
         if ti.static(self.state.features.perturbed):
             spacing = ti.cast(step.spacing, ti.f64)

@@ -98,9 +98,9 @@ class LawBends:
     def mobility(self, bar, at: ti.template(), lane):
         """Sum of the inverse masses of a bar's ends, 1/kg."""
         near, far, _ = self.bars.ends(bar)
-        k, j, i = at.k, at.j, self.access.site_of(at.m, lane)
-        first = self.access.mass(near[0], k + near[1], j + near[2], i + near[3])
-        return 1 / first + 1 / self.access.mass(far[0], k + far[1], j + far[2], i + far[3])
+        a, b, c = self.access.site_of_end(near, at, lane)
+        d, e, f = self.access.site_of_end(far, at, lane)
+        return 1 / self.access.mass(near[0], a, b, c) + 1 / self.access.mass(far[0], d, e, f)
 
     # -- faces of a crack --------------------------------------------------------------------------
 

@@ -63,7 +63,7 @@ class Dynamics(State):
         self.set_bars(bars)
         self.set_density(density)
         self.access = NodeAccess(self)
-        self.bars = LatticeBars(self)
+        self.bars = LatticeBars(self, self.access)
         self.tips = CrackTips(self, self.bars, self.access)
         bends = LawBends(self, self.bars, self.access)
         parting = PartingFaces(self, self.bars, self.tips)

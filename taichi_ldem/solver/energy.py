@@ -130,7 +130,9 @@ class EnergySums:
         twice = ti.cast(whole, ti.f64) * length * length
         if ti.static(self.state.features.perturbed):
             # EA L0 is EA / L0 times the square of the bar's own length
-            twice /= ti.cast(self.bars.square_of_length_ratio(bar, at, lane), ti.f64)
+            twice /= ti.cast(
+                self.bars.square_of_length_ratio(bar, self.bars.vector(bar, at, lane)), ti.f64
+            )
         result = ti.Vector([0.5 * twice * strain * strain, 0.0, 0.0], ti.f64)
         if ti.static(self.state.features.damage):
             peak = self.state.peak[bar, at.k, at.j, at.m][lane]

@@ -406,6 +406,21 @@ class State:
     # -- in kernels --------------------------------------------------------------------------------
 
     @ti.func
+    def node_vector(self, fields: ti.template(), s, place, lane):
+        """Vector of a node, from a name's fields by sublattice and axis.
+
+        Args:
+            s: its sublattice, not known when the kernel is compiled.
+            place: index of the fields: (k, j, m), after the buffer where there are two.
+        """
+        value = ti.Vector.zero(float, 3)
+        for sublattice in ti.static(range(self.cell.sublattices)):
+            if s == sublattice:
+                for axis in ti.static(range(3)):
+                    value[axis] = fields[sublattice][axis][place][lane]
+        return value
+
+    @ti.func
     def lane_entries(self, table: ti.template(), code, entry: ti.template()):
         """A table's entry for the byte of each lane."""
         return ti.Vector([table[int(code[n])][entry] for n in ti.static(range(self.lanes.width))])

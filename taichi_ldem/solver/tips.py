@@ -83,14 +83,14 @@ class CrackTips:
         Args:
             end: (4,) see ``LatticeBars.ends``.
         """
-        i = self.access.site_of(at.m, lane)
+        c, b, a = self.access.site_of_end(end, at, lane)
         for dz, dy, dx in ti.ndrange((-1, 2), (-1, 2), (-1, 2)):
-            k, j, there = at.k + end[1] + dz, at.j + end[2] + dy, i + end[3] + dx
+            k, j, i = c + dz, b + dy, a + dx
             inside = 0 < k < ti.static(self.state.sites[0] - 1)
             inside &= 0 < j < ti.static(self.state.sites[1] - 1)
-            inside &= 0 < there < ti.static(self.state.sites[2] - 1)
+            inside &= 0 < i < ti.static(self.state.sites[2] - 1)
             if inside:
-                m, _ = self.access.column_of(there)
+                m, _ = self.access.column_of(i)
                 self.state.near[k, j, m] = ti.cast(1, ti.u8)
 
     @ti.func
@@ -101,7 +101,7 @@ class CrackTips:
     @ti.func
     def forget_openings(self, end, at: ti.template(), lane):
         """Set the opening at an end of a failed bar to zero."""
-        k, j, i = at.k + end[1], at.j + end[2], self.access.site_of(at.m, lane) + end[3]
+        k, j, i = self.access.site_of_end(end, at, lane)
         for s in ti.static(range(self.state.cell.sublattices)):
             if s == end[0]:
                 self.state.opening[s][k, j, i] = 0.0
@@ -110,7 +110,7 @@ class CrackTips:
     @ti.func
     def raise_opening(self, end, at: ti.template(), lane, elongation):
         """Let an end of a failed bar have at least the bar's elongation as its opening, m."""
-        k, j, i = at.k + end[1], at.j + end[2], self.access.site_of(at.m, lane) + end[3]
+        k, j, i = self.access.site_of_end(end, at, lane)
         for s in ti.static(range(self.state.cell.sublattices)):
             if s == end[0]:
                 ti.atomic_max(self.state.opening[s][k, j, i], elongation)
@@ -136,7 +136,7 @@ class CrackTips:
     @ti.func
     def opening_of(self, end, at: ti.template(), lane):
         """Opening at an end of a bar, m; 0 where it is on a flank."""
-        k, j, i = at.k + end[1], at.j + end[2], self.access.site_of(at.m, lane) + end[3]
+        k, j, i = self.access.site_of_end(end, at, lane)
         opening = 0.0
         for s in ti.static(range(self.state.cell.sublattices)):
             if s == end[0]:
@@ -278,7 +278,6 @@ class CrackTips:
         if self.state.near[at.k, at.j, at.m] != 0:
             for lane in range(self.state.lanes.width):
                 if int(self.state.code[at.k, at.j, at.m][lane]) != 0:
-                    known = int(self.state.known[at.k, at.j, at.m][lane])
                     for bar in range(self.state.cell.bars):
-                        if (known >> bar) & 1 == 0:
+                        if not self.is_known(bar, at, lane):
                             self.fail_if_at_tip(bar, at, step, lane)
