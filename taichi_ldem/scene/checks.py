@@ -323,14 +323,10 @@ def _check_lattice(scene: Scene) -> None:
 
 
 def _check_tips(scene: Scene) -> None:
-    """Refuse tip strains in a lattice whose tip strains have not been measured."""
-    plate, criterion = scene.plate, scene.material.tip_criterion
-    if criterion != "strain":
-        return
-    why = f'must be "release" with plate.lattice = "{plate.lattice}"'
-    if plate.lattice == "module":
+    """Refuse tip strains in a regular lattice, where cracks keep to its planes all the same."""
+    criterion = scene.material.tip_criterion
+    if criterion == "strain" and scene.plate.perturbation == 0:
         why = 'must be "release", unless plate.perturbation > 0; its constants are those of 0.07'
-    if plate.lattice != "module" or plate.perturbation == 0:
         raise refuse("material.tip_criterion", criterion, why)
 
 
