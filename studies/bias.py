@@ -1,13 +1,16 @@
 """Do cracks follow the lattice? Number and directions of radial cracks over many specimens.
 
-    python -m studies.bias OUT ENSEMBLE [ENSEMBLE ...]
+    python -m studies.bias OUT ENSEMBLE [ENSEMBLE ...] [--second-peak]
 
 Reads the members of ensembles (``ldem ensemble``) of one specimen, at the time of their radial map
-(t2). Those that differ in a seed or in the striker's place only are one group. Two directions of
-each radial crack are folded onto 0 (along an axis of the lattice) to 45 degrees: that of its tip
-from the striker's axis, and those of the pieces of its path, weighted by length. <cos 4 theta> is 1
-where all lie along the axes, -1 on the diagonals, 0 where none is preferred; its 95 % confidence
-interval is that of the members' means. Writes ``bias.md``, ``bias.csv`` and ``bias.png``.
+(t2), or at their second force peak: a circular crack that forms without failure cuts the radial
+cracks off, so that their tips are no longer found. Those that differ in a seed or in the striker's
+place only are one group. Two directions of each radial crack are folded onto 0 (along an axis of
+the lattice) to 45 degrees: that of its tip from the striker's axis, and those of the pieces of its
+path, weighted by length. <cos 4 theta> is 1 where all lie along the axes, -1 on the diagonals, 0
+where none is preferred; its 95 % confidence interval is that of the members' means.
+
+Writes ``bias.md``, ``bias.csv`` and ``bias.png``.
 """
 
 import argparse
@@ -56,12 +59,14 @@ class Specimen:
         tips: (n,) folded directions of the tips from the striker's axis, degrees.
         pieces: (m,) folded directions of the pieces of their paths, degrees. lengths: (m,) m.
         seconds: of stepping.
+        diameter: d_r, mm; NaN where there is none.
     """
 
     tips: Array
     pieces: Array
     lengths: Array
     seconds: float
+    diameter: float = float("nan")
 
 
 def folded(vectors: Array) -> Array:
@@ -77,17 +82,22 @@ def fourfold(angles: Array, weights: Array | None = None) -> float:
     return float(np.average(np.cos(np.radians(4 * angles)), weights=weights))
 
 
-def specimen(radial: Sequence[RadialCrack], axis: Array, seconds: float) -> Specimen:
+def specimen(
+    radial: Sequence[RadialCrack], axis: Array, seconds: float, diameter: float = float("nan")
+) -> Specimen:
     """Directions of radial cracks seen from the striker's axis (2,), m."""
     tips = np.array([crack.tip - axis for crack in radial]).reshape(-1, 2)
     chords = [np.diff(crack.path[::PIECE], axis=0) for crack in radial]
     pieces = np.concatenate([*chords, np.zeros((0, 2))])
     lengths = np.linalg.norm(pieces, axis=1)
-    return Specimen(folded(tips), folded(pieces), lengths, seconds)
+    return Specimen(folded(tips), folded(pieces), lengths, seconds, diameter)
 
 
-def read(ensembles: Sequence[Path]) -> dict[str, list[Specimen]]:
+def read(ensembles: Sequence[Path], second_peak: bool = False) -> dict[str, list[Specimen]]:
     """The finished members of ensembles by the label of their group.
+
+    Args:
+        second_peak: count radial cracks at the second force peak, where there is one.
 
     Raises:
         SceneError: a folder holds no ensemble, or a file of it cannot be read.
@@ -97,12 +107,15 @@ def read(ensembles: Sequence[Path]) -> dict[str, list[Specimen]]:
         for row in read_rows(read_plan(ensemble), ensemble):
             if row.state != FINISHED:
                 continue
-            cracks = measure_run(RunFolder(ensemble / MEMBERS / row.member.name))
+            at = row.numbers.get("second_peak_time_s") if second_peak else None
+            cracks = measure_run(RunFolder(ensemble / MEMBERS / row.member.name), at)
             scene = row.member.scene
             axis = np.array(scene.striker.position if scene.striker else (0.0, 0.0))
             radial = cracks.radial if cracks is not None else ()
+            circle = cracks.radial_circle if cracks is not None else None
+            diameter = np.nan if circle is None else 1e3 * circle.diameter
             seconds = float(row.numbers.get("wall_s") or np.nan)
-            found.setdefault(label(row), []).append(specimen(radial, axis, seconds))
+            found.setdefault(label(row), []).append(specimen(radial, axis, seconds, diameter))
     return found
 
 
@@ -110,7 +123,10 @@ def label(row: Row) -> str:
     """Name of a member's group: its disorder and perturbation, then other varied keys."""
     scene = row.member.scene
     cv = scene.disorder.fracture_energy_cv if scene.disorder else 0.0
-    words = [f"CV {100 * cv:g} %" if cv else "homogeneous"]
+    strength = scene.disorder.strength_cv if scene.disorder else 0.0
+    words = [f"CV {100 * cv:g} %"] if cv else []
+    words += [f"strength CV {100 * strength:g} %"] if strength else []
+    words = words or ["homogeneous"]
     if scene.plate.perturbation:
         words.append(f"perturbed {100 * scene.plate.perturbation:g} % of L")
     own = (*REPEATED, CV, "plate.perturbation")
@@ -131,6 +147,7 @@ HEADS = (
     "specimen",
     "runs",
     "radial cracks",
+    "d_r [mm]",
     "tips within 10° of an axis",
     "<cos 4θ> of tips",
     "<cos 4θ> of paths",
@@ -146,6 +163,7 @@ def cells(name: str, group: Sequence[Specimen]) -> list[str]:
         name,
         str(len(group)),
         _interval([float(len(s.tips)) for s in group], 1),
+        _interval([s.diameter for s in group], 1),
         share,
         _interval([fourfold(s.tips) for s in group], 2),
         _interval([fourfold(s.pieces, s.lengths) for s in group if len(s.pieces)], 2),
@@ -219,9 +237,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("out", type=Path)
     parser.add_argument("ensembles", type=Path, nargs="+")
+    parser.add_argument("--second-peak", action="store_true", help="count at the second peak")
     given = parser.parse_args(arguments)
     try:
-        groups = read(given.ensembles)
+        groups = read(given.ensembles, given.second_peak)
     except SceneError as error:
         print(error)
         return 2

@@ -18,8 +18,11 @@ from taichi_ldem.storage.folder import RunFolder
 Array = npt.NDArray[np.float64]
 
 
-def measure_run(folder: RunFolder) -> Cracks | None:
+def measure_run(folder: RunFolder, radial_time: float | None = None) -> Cracks | None:
     """Measure the cracks of a run; None for a scene without damage or without a broken bar.
+
+    Args:
+        radial_time: at which radial cracks are counted, s; None: t2, or the end without failure.
 
     Raises:
         SceneError: a file of the run cannot be read.
@@ -32,8 +35,10 @@ def measure_run(folder: RunFolder) -> Cracks | None:
         return None
     history = folder.read_history()
     position = scene.striker.position if scene.striker else (0.0, 0.0)
-    failure, window = failure_by_energy(scene, history), smoothing_window(scene)
-    return measure(bars, scene.plate, position, failure, history["time_s"], window)
+    window = smoothing_window(scene)
+    if radial_time is None:
+        radial_time = failure_by_energy(scene, history)
+    return measure(bars, scene.plate, position, radial_time, history["time_s"], window)
 
 
 def failure_by_energy(scene: Scene, history: Mapping[str, Array]) -> float | None:

@@ -73,6 +73,9 @@ def test_groups_are_called_by_what_is_random_in_them():
     )
     assert bias.label(both) == "CV 25 %, perturbed 5 % of L, striker.velocity 2.0"
     assert bias.label(row([], {"striker.position": [0.0, 0.0]})) == "homogeneous"
+    strength = ["disorder.strength_cv=0.15", "disorder.reference_volume=1e-7"]
+    strength += ['material.fracture="crack"', "material.failure_strain=0.02"]
+    assert bias.label(row(strength, {})) == "strength CV 15 %"
 
 
 def specimens(modules: int, mean: float, deviation: float, seed: int) -> list[SimpleNamespace]:

@@ -49,7 +49,9 @@ def test_cracks_that_grow_by_their_energy_cost_about_g_f() -> None:
 )
 def test_tip_strains_have_costs_of_their_own(lattice: str, costs: str) -> None:
     """docs/tension.md, tip strains in a perturbed lattice."""
-    data = load_scene(CONFIGS / "impact_crack.toml").model_dump(by_alias=True, exclude_none=True)
+    data = load_scene(CONFIGS / "impact_crack_module.toml").model_dump(
+        by_alias=True, exclude_none=True
+    )
     data["plate"] |= {"perturbation": 0.07, "lattice": lattice}
     data["material"] |= {"tip_criterion": "strain"}
     assert str(words(parse_scene(data))).startswith(costs)
@@ -57,7 +59,9 @@ def test_tip_strains_have_costs_of_their_own(lattice: str, costs: str) -> None:
 
 def test_each_lattice_has_its_own_costs() -> None:
     """Those of cubic-26 are in docs/tension.md; with fracture = "bar" they were not measured."""
-    data = load_scene(CONFIGS / "impact_crack.toml").model_dump(by_alias=True, exclude_none=True)
+    data = load_scene(CONFIGS / "impact_crack_module.toml").model_dump(
+        by_alias=True, exclude_none=True
+    )
     data["plate"] |= {"lattice": "cubic-26"}
     assert words(parse_scene(data)) == "0.82 to 1.15 G_f, by its direction in the lattice"
     data["material"] |= {"fracture": "bar", "failure_strain": 0.01}

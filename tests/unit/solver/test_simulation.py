@@ -278,11 +278,13 @@ variants = {"gone": {}, "closing": {"after_failure": "closing"}}
 variants["crack"] = variants["closing"] | {"fracture": "crack"}
 variants["viscous"] = variants["crack"] | {"crack_opening": "viscous"}
 variants["strain"] = variants["crack"] | {"tip_criterion": "strain"}
+variants["cubic"] = variants["strain"]
 variants["volumes"] = variants["crack"] | {"poisson_ratio": 0.36}
 rubs = {"friction": 0.3} if variant == "floor" else {}
 below = {"floor": {"gap": 1e-5} | rubs, "plate": {"gravity": [1e3, 0.0, -1e4]}} if rubs else {}
-if variant == "strain":
-    below = {"plate": {"perturbation": 0.07}}
+if variant in ("strain", "cubic"):
+    lattice = {"strain": "module", "cubic": "cubic-26"}[variant]
+    below = {"plate": {"perturbation": 0.07, "lattice": lattice}}
 scene = block_scene(
     16, 16, 3,
     material=DAMAGE | variants.get(variant, {}),
@@ -344,7 +346,9 @@ def test_the_number_of_threads_changes_no_bit(runs: Runs, precision: str) -> Non
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("variant", ["closing", "crack", "viscous", "strain", "volumes", "floor"])
+@pytest.mark.parametrize(
+    "variant", ["closing", "crack", "viscous", "strain", "cubic", "volumes", "floor"]
+)
 def test_variants_keep_bits_and_energy(runs: Runs, variant: str) -> None:
     one, two, gone = runs[f"f64-1-{variant}"], runs[f"f64-2-{variant}"], runs["f64-2-gone"]
     for name in one:
