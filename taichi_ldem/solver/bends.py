@@ -98,9 +98,13 @@ class LawBends:
     def mobility(self, bar, at: ti.template(), lane):
         """Sum of the inverse masses of a bar's ends, 1/kg."""
         near, far, _ = self.bars.ends(bar)
-        a, b, c = self.access.site_of_end(near, at, lane)
-        d, e, f = self.access.site_of_end(far, at, lane)
-        return 1 / self.access.mass(near[0], a, b, c) + 1 / self.access.mass(far[0], d, e, f)
+        return self.inverse_mass(near, at, lane) + self.inverse_mass(far, at, lane)
+
+    @ti.func
+    def inverse_mass(self, end, at: ti.template(), lane):
+        """Inverse mass of the node at an end of a bar (``LatticeBars.ends``), 1/kg."""
+        k, j, i = self.access.site_of_end(end, at, lane)
+        return 1 / self.access.mass(end[0], k, j, i)
 
     # -- faces of a crack --------------------------------------------------------------------------
 

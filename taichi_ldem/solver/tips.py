@@ -83,9 +83,9 @@ class CrackTips:
         Args:
             end: (4,) see ``LatticeBars.ends``.
         """
-        c, b, a = self.access.site_of_end(end, at, lane)
+        z, y, x = self.access.site_of_end(end, at, lane)
         for dz, dy, dx in ti.ndrange((-1, 2), (-1, 2), (-1, 2)):
-            k, j, i = c + dz, b + dy, a + dx
+            k, j, i = z + dz, y + dy, x + dx
             inside = 0 < k < ti.static(self.state.sites[0] - 1)
             inside &= 0 < j < ti.static(self.state.sites[1] - 1)
             inside &= 0 < i < ti.static(self.state.sites[2] - 1)
